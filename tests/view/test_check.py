@@ -636,12 +636,16 @@ def test_vehicles_may_break_apart_without_a_navigator():
     keys = {"navigator": "none", "vehicle": "single_integrator", "gain": [1.0], "law": "local"}
     keys |= {"vehicles": 10, "attack": {"kind": "bias", "vehicles": [3, 8]}, "engine": "exact"}
     keys["sweep"] = {
-        "topology": ["cyclic", "complete"],
+        "topology": ["cyclic", {"kind": "lattice", "neighbours": 4}, "complete"],
         "defence": ["none", {"kind": "w_msr", "F": 2}],
     }
-    told = verdict(**keys)
+    told = " ".join(verdict(**keys))
     assert "Guarantee: honest vehicles agree: complete, W-MSR." in told
-    assert "Vehicles drop sources, so the fleet may break apart: cyclic, W-MSR." in told
+    assert "Vehicles drop sources, so the fleet may break apart: lattice, W-MSR." in told
+    assert (
+        "A vehicle drops all sources (F too great), and stays where it starts: cyclic, W-MSR."
+        in told
+    )
 
 
 def test_products_of_values_make_up_any_set_of_combinations():

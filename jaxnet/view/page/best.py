@@ -86,13 +86,14 @@ def numbers_words(results: Results, cells: Sequence[int], fallen: dict[int, pd.S
     lanes = pd.concat([fallen[cell] for cell in cells])
     table: Any = results.cells.reset_index(drop=True).loc[cells]
     median = table[f"{judged_metric(results.study.cells)}_median"].max()
-    told = [f"median lanes have {judged_word(results)}s of at most <b>{error_text(median)} m</b>"]
+    word = judged_word(results)
+    told = [f"the {word} of a cell's median lane is at most <b>{error_text(median)} m</b>"]
     if ways:
         either = " or ".join(filter(None, [", ".join(ways[:-1]), ways[-1]]))
         told.insert(0, f"<b>{lanes.sum():,} of {len(lanes):,} lanes</b> {either}")
     if not alone:
         worst = error_text(table["tail_max_max"].max())
-        told.append(f"the worst vehicle has <b>{worst} m</b>")
+        told.append(f"that of the worst vehicle <b>{worst} m</b>")
     else:
         told.append(f"the worst way out is <b>{error_text(table['outside_max'].max())} m</b>")
     return f"{'Even there' if lanes.mean() > 0.5 else 'There'} {joined_names(told)}"

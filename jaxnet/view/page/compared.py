@@ -25,6 +25,7 @@ from jaxnet.statistics.recovery import share_name
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import notes_html, sentence_case, sortable_table
 from jaxnet.view.page.judged import (
+    FAILED,
     ComparedBy,
     counts_failed,
     falling_cells,
@@ -243,7 +244,8 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
                 continue
             judged.append((each, won))
             told.tests.extend(test_rows(results, key, each, won))
-            verdicts.setdefault(verdict_words(key, labels, won), []).append(each.name)
+            if each.name != FAILED:  # of which another sentence tells
+                verdicts.setdefault(verdict_words(key, labels, won), []).append(each.name)
         told.tables.append(sortable_table(pd.DataFrame(columns)))
         words = [f"by {joined_names(names)}: {which}" for which, names in verdicts.items()]
         differ = [*pair_rows(results, key, labels, judged)]

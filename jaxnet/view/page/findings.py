@@ -17,6 +17,7 @@ from jaxnet.model.wording import count, counted, number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.horizon import lost_cells
+from jaxnet.statistics.intervals import ROUNDING_SPREAD
 from jaxnet.statistics.limits import at_once_words, unchecked_words
 from jaxnet.statistics.quantities import meaning, stored_values
 from jaxnet.statistics.recovery import (
@@ -24,6 +25,7 @@ from jaxnet.statistics.recovery import (
     confidence_told,
     criterion_words,
     share_name,
+    threshold,
 )
 from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import share_names
@@ -168,7 +170,7 @@ def outside_sentence(results: Results) -> str:
     rest = ways.index.difference(moved).tolist()
     words = "Honest vehicles leave the convex hull of their starts"
     if is_left.any():
-        words = "In most lanes honest vehicles leave the convex hull of their starts"
+        words = f"In more than half of the lanes {words[0].lower()}{words[1:]}"
     if is_left.any() and len(usual):
         words = "Liars move honest vehicles out of the convex hull of their starts"
         shares: Any = curves.unrecovered_shares(results)["unrecovered"].reindex(moved)
@@ -217,7 +219,9 @@ def unrecovered_sentence(results: Results) -> str:
     share: Any = settled(results, known)
     if share.empty:
         return f"No share {share_name(cells)}: {nothing_words(results)}."
-    above = "" if asked is None else f" ({criterion_words(asked, cells)})"
+    limits = {threshold(cell, asked) for cell in np.array(cells)[attacked_mask(cells)]}
+    size = f" = {number_text(limits.pop())} m" if len(limits) == 1 else ""
+    above = "" if asked is None else f" ({criterion_words(asked, cells)}{size})"
     alone = " in cells that have settled" * (len(share) < len(known))
     span = span_words(results, share, percent_text, " %", known.index.tolist(), confidence)
     return f"{share_words(results)}{above}{alone} {span}."
@@ -339,7 +343,8 @@ def worst_words(results: Results) -> str:
     if worst.empty:
         return ""
     held = without_lost(results, worst, "tail_max_max")
-    where = where_words(results, [held.idxmax()])
+    alike = held.index[held >= (1 - ROUNDING_SPREAD) * held.max()].tolist()
+    where = where_words(results, alike)
     lanes = "Of random lanes the" if results.file("worst.csv").exists() else "The"
     lanes = "Where no lane is lost, the" if len(held) < len(worst) else lanes
     told = f"{lanes} worst error of a vehicle is <b>{error_text(held.max())} m</b> {where}"
@@ -354,8 +359,9 @@ def sound_limits(curve: curves.Curve) -> list[tuple[float, str]]:
 
 def share_of_bound(curve: curves.Curve) -> float:
     """The worst error over the least bound [%]; not-a-number without a bound above 0."""
+    worst = curve.worst if curve.worst >= ROUNDING_ERROR else 0.0
     least = min((slope for slope, _ in sound_limits(curve)), default=0.0)
-    return 100 * curve.worst / least if least else np.nan
+    return 100 * worst / least if least else np.nan
 
 
 def bound_words(curve: curves.Curve) -> str:

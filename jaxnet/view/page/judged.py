@@ -21,6 +21,7 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import where_words
 
+FAILED = "lanes failed"
 NEGLIGIBLE = 1e-3  # of what a study asks for
 
 
@@ -179,13 +180,16 @@ def known_shares(results: Results) -> pd.DataFrame:
 
 
 def failed_lanes(results: Results) -> ComparedBy | None:
-    """Which lanes failed, of a study that asks for no recovery; None if none did, or all."""
-    lanes, cells = results.manifest["lanes"], range(len(results.study.cells))
-    if not 0 < lanes["failed"] < lanes["total"] or results.study.config.recovery is not None:
+    """Which lanes failed; None if none did, or all."""
+    lanes = results.manifest["lanes"]
+    if not 0 < lanes["failed"] < lanes["total"]:
         return None
-    flags = fallen_lanes(results, cells)
+    flags: dict[int, Any] = {
+        cell: each.set_index("sample")["status"] != "ok"
+        for cell, each in results.by_cell("sample", "status")
+    }
     values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
-    return ComparedBy("lanes failed", "%", "fewer lanes fail", "more lanes fail", values, flags)
+    return ComparedBy(FAILED, "%", "fewer lanes fail", "more lanes fail", values, flags)
 
 
 def lanes_outside(results: Results) -> ComparedBy | None:

@@ -33,8 +33,7 @@ def proved_sentence(results: Results) -> str:
 
 def outnumbered_sentence(results: Results) -> str:
     """Where vehicles hear more attacked sources than they can drop, or at some ticks too few."""
-    found, starved = dict[tuple[str, str], list[int]](), dict[str, list[int]]()
-    most = 0
+    found, starved = dict[tuple[str, str, str], list[int]](), dict[str, list[int]]()
     for cell in results.study.cells:
         defence, given = cell.scenario.defence, attacked_at_once(cell.scenario)
         (graph, attacked, trusted), which = given, defence.outnumbered(*given)
@@ -42,17 +41,17 @@ def outnumbered_sentence(results: Results) -> str:
         few = f"it drops nobody: the rule asks {defence.asks()}"
         for each, why in (which & drops, "more than it can drop"), (which & ~drops, few):
             if each.any():
-                found.setdefault((ranges(vehicle_numbers(each)), why), []).append(cell.number)
-                most = max(most, int(attacked[each].sum(axis=1).max()))
+                most = count(int(attacked[each].sum(axis=1).max()), "attacked source")
+                key = ranges(vehicle_numbers(each)), why, most
+                found.setdefault(key, []).append(cell.number)
         if attacked.any() and (words := starved_words(cell.scenario)):
             starved.setdefault(words, []).append(cell.number)
     whom = (
         f"<li>vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
-        + f": {why}</li>"
-        for (who, why), cells in found.items()
+        + f": up to {most}, {why}</li>"
+        for (who, why, most), cells in found.items()
     )
-    told = [f", with up to {count(most, 'attacked source')} each:<ul>{''.join(whom)}</ul>"]
-    told *= bool(found)
+    told = [f":<ul>{''.join(whom)}</ul>"] if found else []
     ticks = "; ".join(f"{w} {where_words(results, n)}".rstrip() for w, n in starved.items())
     told += [f" at some ticks: {ticks}."] * bool(ticks)
     return " ".join(f"<b>Outside the assumptions of the defence</b>{each}" for each in told)

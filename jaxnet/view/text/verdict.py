@@ -8,7 +8,8 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import BOUNDS, missing
-from jaxnet.model.wording import cells_named, count
+from jaxnet.kinds.kind import vehicle_numbers
+from jaxnet.model.wording import cells_named, count, ranges
 from jaxnet.theory.case import Case
 from jaxnet.view.text.facts import UNSTABLE, Facts, attacked_at_once
 from jaxnet.view.text.width import WIDEST, filled, swept_words
@@ -36,7 +37,9 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
     elif scenario.attack.present:
         reasons = found["safe"].reasons if "safe" in found else ()
         safe = np.any([each.vehicles for each in reasons] or [[False]], axis=0)
-        who = "Every vehicle is" if safe.all() else "Only some vehicles are"
+        some = ranges(vehicle_numbers(safe))
+        who = "Every vehicle is" if safe.all() else f"Only vehicles {some} are"
+        who = f"Only vehicle {some} is" if some.isdigit() else who
         yield (1, f"{who} proved safe from the attack") if safe.any() else UNSAFE
         unknown = missing(scenario, BOUNDS) or np.isinf(found.get("inverse norm", 0.0))
         if not safe.all():
@@ -46,12 +49,14 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         yield OF_LIARS, f"A vehicle {hears} more attackers than its defence bears"
     if scenario.attack.present and "honest paths" in found and found["honest paths"].cut_off:
         yield 4, "No honest path leads from the navigator to some vehicle"
-    if scenario.leaderless and not agreed and drops.any():
+    heard = graph.heard.sum(axis=1)
+    surely = F is not None and ((heard > 0) & (heard <= F) & (heard == drops.sum(axis=1))).any()
+    if scenario.leaderless and surely:
+        yield 5, "A vehicle drops all sources (F too great), and stays where it starts"
+    elif scenario.leaderless and not agreed and drops.any():
         yield 5, "Vehicles drop sources, so the fleet may break apart"
     if "cut off" in found:
         then = "its lane fails" if scenario.law.couples() and not defence.coasts() else "coasts"
-        heard = graph.heard.sum(axis=1)
-        surely = F is not None and ((heard > 0) & (heard <= F) & (heard == drops.sum(axis=1))).any()
         what = "drops all sources (F too great)" if surely else "may be cut off"
         yield 5, f"A vehicle {what}, and {then}"
     if "keeps moving" in found and not found["keeps moving"].every_start:

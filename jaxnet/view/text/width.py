@@ -45,11 +45,13 @@ def numbered_words(numbers: Sequence[int], cells: Sequence[Cell]) -> str:
 
 
 def swept_words(numbers: Sequence[int], cells: Sequence[Cell]) -> str:
-    """The values that cells have, or all others have if these are shorter; "" for all cells."""
+    """The values that cells have, or all others have if one phrase says it; "" for all cells."""
     every, told = [cell.labels for cell in cells], list[str]()
     for begin, others in (("", False), ("all but ", True)):
         some = [cell.labels for cell in cells if (cell.number not in numbers) is others]
-        told.append(begin + "; ".join(choices_words(some, every)) if some else "")
+        phrases = choices_words(some, every) if some else [""]
+        if not others or len(phrases) == 1:
+            told.append(begin * any(phrases) + "; ".join(phrases))
     return min(told, key=len)
 
 
