@@ -53,7 +53,7 @@ class Odd(TwoWheeled):
 PUSHED = Odd(push=0.3)
 
 
-@pytest.mark.parametrize("attack", ["none", "rotating"])
+@pytest.mark.parametrize("attack", [pytest.param("none", marks=pytest.mark.long), "rotating"])
 def test_what_the_law_does_not_cancel_is_integrated(attack):
     """The first guess takes a vehicle to move as asked; this one follows its own equations."""
     keys = {"vehicle": PUSHED, "attack": attack, "defence": "none"}

@@ -133,10 +133,9 @@ def test_nothing_is_proved_of_sampled_or_limited_fleets():
     asked = {"defence": "none", "vehicle": "unicycle", "engine": "nonlinear"}
     assert "nothing is proved" not in check_text(jaxnet.load(asked))
     sampled = check_text(jaxnet.load({**asked, "engine": "sampled"}))
-    assert "nothing is proved; the sampled engine holds inputs" in sampled
-    assert "nothing is proved; unicycle may" in check_text(
-        jaxnet.load({**asked, "vehicle": limited})
-    )
+    assert "nothing is proved where the sampled engine holds inputs" in sampled
+    told = check_text(jaxnet.load({**asked, "vehicle": limited}))
+    assert "nothing is proved where unicycle may" in told
 
 
 class Driven(Robotarium):
