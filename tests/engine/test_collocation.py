@@ -108,6 +108,7 @@ def test_an_attack_is_seen_whenever_it_begins():
     assert apart(exact, outcome(12, **nothing, engine="exact")) > 0.05
 
 
+@pytest.mark.long
 def test_a_window_serves_ticks_and_outputs_until_a_decision_changes():
     """Ten times as many ticks and outputs take no more windows where nobody decides."""
     coarse, fine = (

@@ -62,6 +62,7 @@ def test_the_closed_loop_is_a_matrix_exponential(engine, gain):
         np.testing.assert_allclose(now, about(time) + free @ expm(loop * time).T, rtol=0, atol=3e-5)
 
 
+@pytest.mark.long
 def test_a_multiple_of_the_identity_is_a_number():
     """Robots under trimming: gains in both forms give one motion, and one standstill."""
     keys = {"vehicle": "two_wheeled", "defence": "trusted_trim", "engine": "exact"}

@@ -257,6 +257,7 @@ def test_the_page_says_nothing_of_errors(browser, results):
     ] == []
 
 
+@pytest.mark.long
 def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
     """The spread is told in metres; a panel is not empty where vehicles agree."""
     monkeypatch.setattr(explored, "FRESH", 8)
