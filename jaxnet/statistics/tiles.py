@@ -17,7 +17,7 @@ from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, p
 from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kinds
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.intervals import clopper_pearson
-from jaxnet.statistics.recovery import confidence_told, share_definition
+from jaxnet.statistics.recovery import confidence_told, share_definition, share_name
 from jaxnet.store.results import Results
 
 NO_CELL = -1
@@ -79,6 +79,13 @@ def tile_table(results: Results) -> pd.DataFrame:
     pairs = zip(results.study.cells, cells["ok"], strict=True)
     found["blank"] = [blank_reason(cell, ok) for cell, ok in pairs]
     return found
+
+
+def lost_name(results: Results) -> str:
+    """Name lanes that did not hold: failed ones too, where any failed."""
+    return "failed or " * bool(results.manifest["lanes"]["failed"]) + share_name(
+        results.study.cells
+    )
 
 
 def share_lost(results: Results) -> pd.DataFrame:

@@ -90,8 +90,8 @@ def test_a_violation_is_named_with_its_command(folder, undrawn):
     rows.to_parquet(shard)
     text = invoke("fit", folder)
     shard.write_bytes(whole)
-    assert "ABOVE ITS BOUND: cell 1: " in text
-    assert "sample 3:\n  greatest error 1.01 m" in text
+    title = "ABOVE ITS BOUND: cell 1: star, bias, ā = 1 m, sample 3:\n  greatest error 1.01 m"
+    assert title in text.replace("\xa0", " ")
     assert f"jaxnet replay {folder} --cell 1 --sample 3" in text
     assert jaxnet.open(folder).violations["bound"].tolist() == ["static"]
 

@@ -358,10 +358,18 @@ def test_it_is_told_when_a_start_has_died_away(keys, told):
     assert ("WARNING" in text) is ("WARNING" in told)
 
 
-def test_a_search_that_ends_early_tells_bounds():
-    found = tolerance.VehiclesAlone(None, RobustnessBracket(3, 6), RobustnessBracket(-1, 2))
+@pytest.mark.parametrize(
+    ("r", "total", "told"),
+    [
+        ((3, 6), (-1, 2), "r = 3 to 6, s = 0 to 3; W-MSR bears F"),
+        ((3, 3), (1, 2), "r = 3, s = 2 to 3; "),
+        ((0, 0), (-1, -1), "r = 0, s = 0; "),
+    ],
+)
+def test_a_search_that_ends_early_tells_bounds(r, total, told):
+    found = tolerance.VehiclesAlone(None, RobustnessBracket(*r), RobustnessBracket(*total))
     (cell,) = systems.study(defence="w_msr").cells
-    assert alone_words(found, cell.scenario).startswith("r = 3 to 6, s = 0 to 3; W-MSR bears F")
+    assert alone_words(found, cell.scenario).startswith(told)
 
 
 def test_programs_of_many_networks_share_their_time(monkeypatch):
@@ -452,7 +460,7 @@ def test_one_cell_is_told_in_full():
     told = one_line("".join(lines))
     for name, line in known(2 / 3, topology="star", samples=7).items():
         assert f"{name} {line}" in told
-    ((first, told_each),) = check.certificates(study.cells[:1])
+    ((first, told_each),) = check.certificates(check.networks(study.cells[:1]))
     certified = "".join(lines).partition("\n  time ")[0]
     assert one_line(check.facts_text(first, told_each)) == one_line(title + certified)
 

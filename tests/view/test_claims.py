@@ -299,5 +299,5 @@ def test_check_has_no_traceback_whatever_keys_a_defence_has():
     cells = jaxnet.load({"name": "all", **RING, "attack": BIAS, "sweep": {"defence": given}}).cells
     assert sum(len(each.cells) for each in check.networks(cells)) == len(cells) > 50
     for cell in cells[::10]:
-        (_, facts), *_ = check.certificates([cell])
+        (_, facts), *_ = check.certificates(check.networks([cell]))
         assert facts["safe"]

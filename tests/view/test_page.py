@@ -38,7 +38,7 @@ from jaxnet.view.page import compared, elements, findings, sections, trajectorie
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.judged import ComparedBy, failed_lanes, known_shares
 from jaxnet.view.page.plots import axis, plotted
-from jaxnet.view.text import comparison, tables, worst
+from jaxnet.view.text import check, comparison, tables, worst
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
@@ -154,7 +154,8 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> str:
     if bounds is not None:
         slopes = [[name, "worst", slope] for name, slope in bounds.items()]
         pd.DataFrame(slopes, columns=["bound", "vehicle", "slope"]).to_csv(tmp_path / "bounds.csv")
-    return findings.findings_section(results, curves.curves(results), "jaxnet fit x").body
+    theory = check.networks(made.cells)
+    return findings.findings_section(results, curves.curves(results), "jaxnet fit x", theory).body
 
 
 def test_cells_that_are_not_all_of_a_value_are_told_with_it():
@@ -407,31 +408,29 @@ def test_settings_whose_lanes_failed_are_not_compared():
         judged = judged_by(results, lanes)
         assert compared.verdict_words("defence", labels, judged[1]) == verdict
         assert compared.against_words(results, "defence", ("w_msr", "none"), [judged]) == against
-        rows = compared.test_rows(results, "defence", *judged)
+        rows = compared.rows_of_tests(results, "defence", *judged)
         assert [(each["setting"], each["better"]) for each in rows] == [("cyclic", found)]
 
 
 def test_lanes_that_fail_count_against_a_defence():
     """By statuses given here: all lanes of W-MSR on the star failed, one elsewhere; one is off."""
     sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
-    failing = {0: 0, 1: 1, 2: 0, 3: 12}
-
-    def by_cell(*_columns, cells=failing):
-        for cell in cells:
-            statuses = ["stuck"] * failing[cell] + ["ok"] * (12 - failing[cell])
-            lanes = pd.DataFrame({"sample": range(12), "status": statuses, "tail_mean": 0.0})
-            lanes.loc[lanes["status"] != "ok", "tail_mean"] = np.nan
-            lanes.loc[11, "tail_mean"] = [1.1, 0.9, 0.9, np.nan][cell]  # beside 0.1 ā = 1
-            yield cell, lanes
-
-    table = pd.DataFrame(dict.fromkeys(curves.SHARE_COLUMNS, [0.0] * 4))
-    lanes = {"failed": 13, "total": 48}
+    failing = np.array([0, 1, 0, 12])
+    lanes = {
+        cell: pd.DataFrame({"sample": range(12), "status": ["stuck"] * n + ["ok"] * (12 - n)})
+        for cell, n in enumerate(failing)
+    }
+    off = {key: [1 / 12, 0.0, 0.0, np.nan] for key in curves.SHARE_COLUMNS}
     results = Results(UPath("nowhere"))
-    study = systems.study(sweep=sweep, recovery={"tau": 0.1}, **ROTATING)
-    vars(results).update(study=study, manifest={"lanes": lanes}, by_cell=by_cell, cells=table)
+    vars(results).update(
+        study=systems.study(sweep=sweep, recovery={"tau": 0.1}, **ROTATING),
+        manifest={"lanes": {"failed": 13, "total": 48}},
+        by_cell=lambda *_columns: lanes.items(),
+        cells=pd.DataFrame({"ok": 12 - failing, "failed": failing, **off}),
+    )
     known = known_shares(results)
     np.testing.assert_allclose(known["value"], 100 * np.array([1, 1, 0, 12]) / 12)
-    assert known["high"][2] == pytest.approx(100 * (1 - 0.025 ** (1 / 12)))
+    assert known["low"][3] == pytest.approx(100 * 0.025 ** (1 / 12))
     found = failed_lanes(results)
     assert found.values.tolist() == pytest.approx([0.0, 100 / 12, 0.0, 100.0])
     made = compared.comparisons(results, {"defence": [found]})
@@ -504,8 +503,8 @@ def test_networks_that_are_not_robust_enough_are_named(tmp_path):
     nobody = {"outside_median": [0.0] * 2, "outside_max": [0.0] * 2, "spread_median": [1.0] * 2}
     found = told(tmp_path, [1.0, 1.0], **alone, cells=nobody)
     assert (
-        "<b>Agreement is not proved</b> with lattice (cell 0): 2 attacked, at most 1 of them heard"
-        " by one vehicle, and F = 2: the vehicles are not (3, 3)-robust or 5-robust.<"
+        "<li>No agreement is proved, with 2 attacked, at most 1 of them heard by one vehicle, and"
+        " F = 2: the vehicles are not (3, 3)-robust or 5-robust: with lattice (cell 0).</li>"
     ) in found
 
 
@@ -577,7 +576,7 @@ def test_lanes_in_which_a_pair_comes_too_near_are_counted():
         near = lanes["min_separation"]
         told = f"in <b>{(near < 0.15).sum()}</b> of 6 lanes with {name} (least distance"
         assert f"{told} {near.min():.3g}" in text
-    body = findings.findings_section(results, [], "jaxnet fit x").body
+    body = findings.findings_section(results, [], "jaxnet fit x", []).body
     by = re.findall("<td>filter</td><td>(.*?)</td>", body)
     assert "least distance" in by
     assert not any("error" in each for each in by)  # filters are for distance

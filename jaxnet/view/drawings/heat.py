@@ -12,10 +12,11 @@ from jaxnet.config.naming import quantity, value_alone, value_name
 from jaxnet.model.wording import count, counted, number_text
 from jaxnet.statistics.curves import failed_kinds, log_ends
 from jaxnet.statistics.quantities import SPREAD_WORDS
-from jaxnet.statistics.recovery import confidence_told, share_name
+from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.tiles import (
     Tiling,
     blank_reasons,
+    lost_name,
     tile_notes,
     tile_table,
     tile_text,
@@ -28,11 +29,6 @@ COLOUR_MAP = mpl.colormaps["YlGnBu"]  # ever darker, and told apart by all eyes
 PALETTE = [*map(to_hex, COLOUR_MAP(np.linspace(0, 1, 64)))]
 METRICS = ("unrecovered", "worst")
 BEYOND_COLOURS = "numbers beyond the scale of colours have the colour of its end"
-
-
-def lost_name(results: Results) -> str:
-    """What lanes are that did not hold: failed ones too, where any failed."""
-    return "failed or " * bool(results.cells["failed"].any()) + share_name(results.study.cells)
 
 
 def metric_label(metric: str, results: Results) -> str:

@@ -89,7 +89,7 @@ def numbers_words(results: Results, cells: Sequence[int], fallen: dict[int, pd.S
     word = judged_word(results)
     told = [f"the {word} of a cell's median lane is at most <b>{error_text(median)} m</b>"]
     if ways:
-        either = " or ".join(filter(None, [", ".join(ways[:-1]), ways[-1]]))
+        either = joined_names(ways, "or")
         told.insert(0, f"<b>{lanes.sum():,} of {len(lanes):,} lanes</b> {either}")
     if not alone:
         worst = error_text(table["tail_max_max"].max())

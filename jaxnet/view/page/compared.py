@@ -21,13 +21,12 @@ from jaxnet.config.naming import (
 from jaxnet.model.wording import cells_named, count, count_between
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.pairs import CellsCompared, compared_cells
-from jaxnet.statistics.recovery import share_name
+from jaxnet.statistics.tiles import lost_name
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import notes_html, sentence_case, sortable_table
 from jaxnet.view.page.judged import (
     FAILED,
     ComparedBy,
-    counts_failed,
     falling_cells,
     judged_word,
     known_shares,
@@ -95,7 +94,7 @@ class Comparisons(NamedTuple):
     tests: list[TestRow]
 
     def folded(self) -> str:
-        """The rows as tables that a reader opens."""
+        """Tables of pairs and of tests, which open at a click, as HTML."""
         tests = sorted(self.tests, key=lambda each: each["p"])[:MOST_TESTS]
         told = {
             f"Pairs of values compared ({len(self.pairs)})": (self.pairs, ""),
@@ -186,7 +185,7 @@ def settings_words(times: int, every: int, won: Wins) -> str:
 
 
 def against_words(results: Results, key: str, pair: Pair, judged: Tested) -> str:
-    """What is better and what is worse with one value than with another, and in which settings."""
+    """Clauses that compare the first value of a pair with the second, with their settings."""
 
     def labels_of(cells: Iterable[int]) -> list[dict[str, Label]]:
         each = (results.study.cells[cell].labels for cell in cells)
@@ -243,7 +242,7 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
             if won is None:
                 continue
             judged.append((each, won))
-            told.tests.extend(test_rows(results, key, each, won))
+            told.tests.extend(rows_of_tests(results, key, each, won))
             if each.name != FAILED:  # of which another sentence tells
                 verdicts.setdefault(verdict_words(key, labels, won), []).append(each.name)
         told.tables.append(sortable_table(pd.DataFrame(columns)))
@@ -271,7 +270,7 @@ def pair_rows(
             yield {"compared": key_name(key), **ends, "what differs": words}
 
 
-def test_rows(results: Results, key: str, quantity: ComparedBy, won: Wins) -> Iterator[TestRow]:
+def rows_of_tests(results: Results, key: str, quantity: ComparedBy, won: Wins) -> Iterator[TestRow]:
     """A row of the table of p values for each test of two values."""
     others = [name for name, each in swept_values_of(results.study.cells).items() if len(each) > 1]
     for pair, tests in won.tests.items():
@@ -310,8 +309,7 @@ def averages_sentence(results: Results) -> str:
     told = [words for span, words in sorted(spans, reverse=True) if span >= LEAST_SPAN]
     if not told:
         return ""
-    what = f"{'failed or ' * counts_failed(results)}{share_name(cells)}"
-    share = f"the share of lanes {what} goes from"
+    share = f"the share of lanes {lost_name(results)} goes from"
     return f"<b>Averaged over the other keys</b> {share} {'; from '.join(told[:MOST_TOLD])}."
 
 

@@ -43,7 +43,6 @@ from jaxnet.view.page.elements import Section, sentence_case
 from jaxnet.view.page.judged import (
     CellErrors,
     ComparedBy,
-    counts_failed,
     held_word,
     is_negligible,
     judged_errors,
@@ -53,9 +52,10 @@ from jaxnet.view.page.judged import (
     percent_text,
     settled,
 )
-from jaxnet.view.page.proved import outnumbered_sentence, proved_sentence, unproved_sentence
+from jaxnet.view.page.proved import outnumbered_sentence, proved_sentence
 from jaxnet.view.page.where import MOST_TOLD, span_words, where_words
 from jaxnet.view.text import worst
+from jaxnet.view.text.check import AlikeCells
 from jaxnet.view.text.tables import grave_warnings, other_warnings
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
@@ -67,7 +67,9 @@ MEDIAN_LANE = {  # by `judged_word`
 MOVED = 10  # times as far as without an attack
 
 
-def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
+def findings_section(
+    results: Results, found: Sequence[curves.Curve], fit: str, theory: Sequence[AlikeCells]
+) -> Section:
     """Every finding; `fit` is the command that computes the bounds."""
     cells = results.study.cells
     alone = is_leaderless(cells)
@@ -80,7 +82,7 @@ def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) 
     compared = comparisons(results, judged)
     sentences = [
         best_sentence(results, kinds),
-        proved_sentence(results),
+        proved_sentence(results, theory),
         failed_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in grave_warnings(results)),
         outside_sentence(results) if alone else "",
@@ -93,7 +95,6 @@ def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) 
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         outnumbered_sentence(results),
-        unproved_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in other_warnings(results)),
     ]
     items = "".join(f"<li>{each}</li>" for each in filter(None, sentences))
@@ -204,7 +205,7 @@ def outside_sentence(results: Results) -> str:
 
 def share_words(results: Results) -> str:
     """The share of lanes that did not recover, as the subject of a sentence."""
-    failed = "failed or " * counts_failed(results)
+    failed = "failed or " * bool(results.manifest["lanes"]["failed"])
     return f"The share of lanes that {failed}did not {held_word(results)}"
 
 

@@ -11,10 +11,10 @@ from jaxnet.kinds.metrics import LANE_STATISTICS
 from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR, attack_size
-from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
-from jaxnet.statistics.recovery import attacked_mask, confidence_told, share_name, threshold
+from jaxnet.statistics.recovery import threshold
 from jaxnet.statistics.summary import count_in_hull
+from jaxnet.statistics.tiles import lost_name, share_lost
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
@@ -155,28 +155,10 @@ def held_word(results: Results) -> str:
     return "agree" if is_leaderless(results.study.cells) else "recover"
 
 
-def counts_failed(results: Results) -> bool:
-    """Whether shares of lanes are also of those that failed."""
-    study = results.study.config  # scrambled sequences have other intervals
-    some = results.manifest["lanes"]["failed"] and study.recovery is not None
-    return bool(some) and study.draws == "random"
-
-
 def known_shares(results: Results) -> pd.DataFrame:
-    """Shares of lanes failed or unrecovered [%] with intervals, by number of the attacked cell.
-
-    They are the stored shares unrecovered where failed lanes do not count, and without any.
-    """
-    found: Any = curves.unrecovered_shares(results)
-    if not counts_failed(results):
-        known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
-        return known.drop(index=curves.mostly_failed(results), errors="ignore")
-    fallen = fallen_lanes(results, np.flatnonzero(attacked_mask(results.study.cells)).tolist())
-    lanes = np.array([[each.sum(), len(each)] for each in fallen.values()]).reshape(-1, 2)
-    bad, many = lanes.T
-    ends = clopper_pearson(bad, many, confidence_told(results.study.config.samples))
-    shares = [bad / many, *ends]
-    return 100 * pd.DataFrame(dict(zip(VALUE_COLUMNS, shares, strict=True)), [*fallen])
+    """Shares of lanes failed or unrecovered [%] with intervals, by number of the cell."""
+    found: Any = share_lost(results).set_axis(VALUE_COLUMNS, axis="columns")
+    return 100 * found.reset_index(drop=True).dropna()
 
 
 def failed_lanes(results: Results) -> ComparedBy | None:
@@ -227,8 +209,7 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
     ended = " of lanes that ended" * bool(results.manifest["lanes"]["failed"])
     shares: Any = settled(results, known_shares(results))["value"]
     if results.study.config.recovery is not None and shares.nunique() > 1:
-        what, name = held_word(results), f"lanes {share_name(results.study.cells)}"
-        name = name.replace(" ", " failed or ", 1) if counts_failed(results) else name
+        what, name = held_word(results), f"lanes {lost_name(results)}"
         lanes = fallen_lanes(results, shares.index)
         better, worse = f"more lanes {what}", f"fewer lanes {what}"
         found += [ComparedBy(name, "%", better, worse, shares, lanes)]

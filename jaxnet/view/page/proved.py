@@ -1,27 +1,32 @@
 """What theory proves of a study, and where a defence's assumptions do not hold, in sentences."""
 
+from collections.abc import Sequence
 from html import escape
 
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.wording import count, ranges
-from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
-from jaxnet.theory.case import Case
-from jaxnet.theory.robustness import MOST_NODES
-from jaxnet.theory.tolerance import agreement
 from jaxnet.view.page.where import where_words
-from jaxnet.view.text.check import networks
-from jaxnet.view.text.facts import attacked_at_once, starved_words
+from jaxnet.view.text.check import AlikeCells
+from jaxnet.view.text.facts import UNPROVED, attacked_at_once, starved_words
 from jaxnet.view.text.verdict import NO_AGREEMENT, OF_BOUNDS, OF_LIARS, OF_REST, Claim
 
 
-def proved_sentence(results: Results) -> str:
-    """What `jaxnet check` says first, without what other sentences tell: bounds, liars, rest."""
+def proved_sentence(results: Results, theory: Sequence[AlikeCells]) -> str:
+    """What `jaxnet check` says first, without what other sentences tell: bounds, liars, rest.
+
+    An agreement that is not proved has its reason, unless too many are attacked.
+    """
     where = dict[Claim, list[int]]()
-    for each in known_or([], lambda: networks(results.study.cells)):
-        for claim in each.claims:
-            if claim[0] not in (OF_BOUNDS, OF_LIARS, OF_REST) and claim != NO_AGREEMENT:
-                where.setdefault(claim, []).extend(cell.number for cell in each.cells)
+    for each in theory:
+        beaten = any(place == OF_LIARS for place, _ in each.claims)
+        for place, claim in each.claims:
+            if (place, claim) == NO_AGREEMENT:
+                why = each.facts.get("guarantee", "").partition(UNPROVED)[2]
+                claim = f"{claim}, with {why}" * bool(why and not beaten)
+            if claim and place not in (OF_BOUNDS, OF_LIARS, OF_REST):
+                cells = where.setdefault((place, claim), [])
+                cells.extend(cell.number for cell in each.cells)
     told = (
         f"<li>{escape(claim)}"
         + f": {where_words(results, sorted(cells))}" * (len(cells) < len(results.study.cells))
@@ -55,16 +60,3 @@ def outnumbered_sentence(results: Results) -> str:
     ticks = "; ".join(f"{w} {where_words(results, n)}".rstrip() for w, n in starved.items())
     told += [f" at some ticks: {ticks}."] * bool(ticks)
     return " ".join(f"<b>Outside the assumptions of the defence</b>{each}" for each in told)
-
-
-def unproved_sentence(results: Results) -> str:
-    """Where agreement is not proved of a defence of which theory could prove it (O9)."""
-    why = dict[str, list[int]]()
-    for cell in results.study.cells:
-        few = cell.scenario.vehicles <= MOST_NODES  # whose robustness is found at once
-        found = agreement(Case(cell.scenario, seconds=float(few)))
-        outnumbered = cell.scenario.defence.outnumbered(*attacked_at_once(cell.scenario)).any()
-        if few and found is not None and not (found.proved or outnumbered):
-            why.setdefault(found.why, []).append(cell.number)
-    told = (f"{where_words(results, n)}: {escape(w)}".lstrip(": ") for w, n in why.items())
-    return f"<b>Agreement is not proved</b> {'; '.join(told)}." if why else ""

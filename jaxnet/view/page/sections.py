@@ -96,15 +96,16 @@ OTHER_ENGINE = (
 
 def page_sections(results: Results) -> list[Section]:
     """Every section for which the folder has data."""
+    theory = known_or([], lambda: check.networks(results.study.cells))
     makers: list[Callable[[Results], Section | None]]
-    makers = [sensitivity_section, rare_section, run_section]
+    makers = [sensitivity_section, rare_section, lambda results: run_section(results, theory)]
     if results.has_run:
         found = known_or([], lambda: curves(results))
         of_navigator = not is_leaderless(results.study.cells)
         makers = [
-            lambda results: findings.findings_section(results, found, fit_command(results)),
+            lambda results: findings.findings_section(results, found, fit_command(results), theory),
             answer_section,
-            run_section,
+            makers[-1],
             summary_section,
             *[lambda results: ultimate_section(results, found)] * of_navigator,
             bands_section,
@@ -154,7 +155,7 @@ def answer_section(results: Results) -> Section | None:
     return Section("answer", escape(title), views_html(views) + notes_html([tail_words(cells)]))
 
 
-def run_section(results: Results) -> Section:
+def run_section(results: Results, theory: Sequence[check.AlikeCells]) -> Section:
     """The setting, the versions, and the networks."""
     study, manifest = results.study, results.manifest
     values = known_or({}, lambda: setting_rows(study))
@@ -169,7 +170,7 @@ def run_section(results: Results) -> Section:
     values |= {"seed": str(study.config.seed), "versions": ", ".join(versions)}
     rows = facts_html({key: [value] for key, value in values.items()})
     networks = known_or("", lambda: networks_html(study.cells))
-    certified = known_or([], lambda: check.certificates(study.cells))
+    certified = known_or([], lambda: check.certificates(theory))
     written = (results.path / "study.yaml").read_text()
     folded = folded_text("The study, every default written out", written)
     told = "".join(f"<h4>{escape(title)}</h4>{facts_html(known)}" for title, known in certified)

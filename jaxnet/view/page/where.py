@@ -86,5 +86,5 @@ def span_words(
     return f"ranges from {part(least)} to {part(most)}"
 
 
-def joined_names(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+def joined_names(names: Sequence[str], word: str = "and") -> str:
+    return f" {word} ".join(filter(None, [", ".join(names[:-1]), names[-1]]))

@@ -72,9 +72,9 @@ def check_text(study: Study, number: int | None = None) -> str:
     return "\n".join(fill(line, terminal_width()) for line in lines)
 
 
-def certificates(cells: Sequence[Cell]) -> list[TitledFacts]:
-    """What is known of all cells, then what differs, by the keys that decide it."""
-    return parts(networks(cells), [{}] * len(cells))
+def certificates(found: Sequence[AlikeCells]) -> list[TitledFacts]:
+    """Facts of all cells, then facts that differ, by the keys that decide them."""
+    return parts(found, [{}] * sum(len(each.cells) for each in found))
 
 
 def networks(cells: Sequence[Cell]) -> list[AlikeCells]:

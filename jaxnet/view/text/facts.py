@@ -47,6 +47,7 @@ OF_DELAYS = ("lag", "follows lines", "greatest delay", "growth when late", "comm
 
 UNSTABLE = "UNSTABLE"
 
+UNPROVED = "none is proved; "
 Facts = dict[str, str]
 
 
@@ -310,7 +311,7 @@ def between(found: RobustnessBracket) -> str:
 
 def agreement_words(found: Agreement, scenario: Scenario) -> str:
     if not found.proved:
-        return f"none is proved; {found.why}"
+        return f"{UNPROVED}{found.why}"
     box = "on each axis inside the range of their starts (this box is proved, not the hull)"
     return f"honest vehicles agree, {box}; {found.why}"
 

@@ -25,7 +25,7 @@ Claim = tuple[int, str]  # a place in the verdict, and a sentence without its ce
 
 
 def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
-    """What is proved of a cell with an attack, and what may go wrong in any cell."""
+    """Claims of theory about a cell: proofs under an attack, and what may go wrong."""
     scenario, defence = case.scenario, case.scenario.defence
     graph, attacked, trusted = attacked_at_once(scenario)
     drops, F = defence.may_drop(graph, trusted).links, defence.tolerates()
