@@ -210,6 +210,9 @@ class Folder:
             self.holds = (*before, hold)
             try:
                 yield
+            except FileNotFoundError:  # perhaps as the folder was removed
+                self.look()
+                raise
             finally:
                 self.holds = before
 

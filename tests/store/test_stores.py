@@ -25,6 +25,7 @@ from jaxnet.cli import main
 from jaxnet.config.study import Study
 from jaxnet.runs import shards
 from jaxnet.runs.cluster import ClusterError
+from jaxnet.statistics import summary
 from jaxnet.store import folder as folders
 from jaxnet.store import lock
 from jaxnet.store.admission import admit
@@ -263,6 +264,20 @@ def test_a_folder_that_is_removed_ends_its_run(study, tmp_path):
     remove = once(str(out), lambda: shutil.rmtree(out))
     with pytest.raises(TakenError, match=rf"{out} was removed, or its \.lock was: this process"):
         jaxnet.run(study, out, progress=remove)
+    assert not out.exists()
+
+
+def test_a_folder_that_is_removed_before_its_tables_is_said(study, tmp_path, monkeypatch):
+    """The rows are read again for them."""
+    out, summarise = tmp_path / "out", summary.summarise
+
+    def removed(*given: Any) -> Any:
+        shutil.rmtree(out)
+        return summarise(*given)
+
+    monkeypatch.setattr(summary, "summarise", removed)
+    with pytest.raises(TakenError, match=rf"{out} was removed, or its \.lock was"):
+        jaxnet.run(study, out, progress=False)
     assert not out.exists()
 
 

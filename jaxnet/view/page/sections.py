@@ -170,7 +170,7 @@ def run_section(results: Results, theory: Sequence[check.AlikeCells]) -> Section
     values |= {"seed": str(study.config.seed), "versions": ", ".join(versions)}
     rows = facts_html({key: [value] for key, value in values.items()})
     networks = known_or("", lambda: networks_html(study.cells))
-    certified = known_or([], lambda: check.certificates(theory))
+    certified = check.certificates(theory) if theory else []
     written = (results.path / "study.yaml").read_text()
     folded = folded_text("The study, every default written out", written)
     told = "".join(f"<h4>{escape(title)}</h4>{facts_html(known)}" for title, known in certified)
