@@ -1,6 +1,6 @@
 """The best combination of swept kinds, in one sentence: what the page says first."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -12,39 +12,35 @@ from jaxnet.statistics.recovery import attacked_mask
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.compared import named, swept_texts, wins
+from jaxnet.view.page.grid import choices
 from jaxnet.view.page.judged import (
-    fallen_lanes,
+    fallen_words,
     falling_cells,
-    held_word,
     judged_lanes,
     judged_word,
 )
 from jaxnet.view.page.where import MOST_TOLD, joined_names
 from jaxnet.view.text.facts import attacked_at_once
 
-# Keys that nobody chooses: settings in which the others are compared
-CONDITIONS = ("attack", "channel.loss", "channel.delay", "channel.noise", "navigator", "initial")
-CONDITIONS += ("channel.quantisation", "sensing", "vehicle")
 MOST_COMPARED = 20_000  # of two cells; a few seconds
 
 
-def best_sentence(results: Results, kinds: Sequence[str]) -> str:
+def best_sentence(results: Results, fallen: Mapping[int, pd.Series]) -> str:
     """The combinations of swept choices that no other beats in any setting, with their numbers.
 
-    Under attack, and where errors have settled, lanes are compared by whether they hold, then by
-    their errors. "" where all combinations do as well, where another beats each of them, and where
-    lanes are not compared.
+    Under attack, and where errors have settled, lanes are compared by whether they hold (`fallen`,
+    by cell), then by their errors. "" where all combinations do as well, where another beats each
+    of them, and where lanes are not compared.
     """
     swept: Any = swept_texts(results)[attacked_mask(results.study.cells)]
     swept = swept.drop(index=falling_cells(results), errors="ignore")
-    kinds = [key for key in kinds if not key.startswith(CONDITIONS)]
+    kinds = choices(results.study.cells)
     if not kinds or swept.empty:
         return ""
     combined = swept[[*kinds]].agg(tuple, axis="columns").map(str)
     if len(combined) * combined.nunique() > 2 * MOST_COMPARED:
         return ""
     left, others = combined, swept.drop(columns=[*kinds])
-    fallen = fallen_lanes(results, swept.index, outside=True)
     for lanes in (fallen, judged_lanes(results, swept.index, "m")):
         if won := wins(results, lanes, left, others.loc[left.index]):
             left = left[~left.isin(won.beaten())]
@@ -76,21 +72,16 @@ def dropping_words(results: Results, cells: Sequence[int]) -> str:
     return f" A vehicle may drop all of its {alone}."
 
 
-def numbers_words(results: Results, cells: Sequence[int], fallen: dict[int, pd.Series]) -> str:
+def numbers_words(results: Results, cells: Sequence[int], fallen: Mapping[int, pd.Series]) -> str:
     """How many lanes of cells do not hold, and the greatest errors."""
     alone = is_leaderless(results.study.cells)
-    ways = ["fail"] * bool(results.manifest["lanes"]["failed"])
-    ways += ["leave the hull of the starts"] * alone
-    if results.study.config.recovery is not None:
-        ways.append(f"do not {held_word(results)}")
     lanes = pd.concat([fallen[cell] for cell in cells])
     table: Any = results.cells.reset_index(drop=True).loc[cells]
     median = table[f"{judged_metric(results.study.cells)}_median"].max()
     word = judged_word(results)
     told = [f"the {word} of a cell's median lane is at most <b>{error_text(median)} m</b>"]
-    if ways:
-        either = joined_names(ways, "or")
-        told.insert(0, f"<b>{lanes.sum():,} of {len(lanes):,} lanes</b> {either}")
+    if ways := fallen_words(results):
+        told.insert(0, f"<b>{lanes.sum():,} of {len(lanes):,} lanes</b> {ways}")
     if not alone:
         worst = error_text(table["tail_max_max"].max())
         told.append(f"that of the worst vehicle <b>{worst} m</b>")

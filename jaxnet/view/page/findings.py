@@ -2,7 +2,7 @@
 
 import functools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
@@ -39,10 +39,12 @@ from jaxnet.view.page.compared import (
     swept_kinds,
     tables_html,
 )
-from jaxnet.view.page.elements import Section, sentence_case
+from jaxnet.view.page.elements import Section, paragraph, sentence_case
+from jaxnet.view.page.grid import grid_html
 from jaxnet.view.page.judged import (
     CellErrors,
     ComparedBy,
+    fallen_lanes,
     held_word,
     is_negligible,
     judged_errors,
@@ -64,6 +66,8 @@ MEDIAN_LANE = {  # by `judged_word`
     "spread": "In the median lane of a cell{} the greatest spread over the tail{}",
 }
 
+RISING = "<b>Error of the median lane.</b>"
+DETAILS = "Each swept kind: its values compared, with tests"
 MOVED = 10  # times as far as without an attack
 
 
@@ -80,16 +84,18 @@ def findings_section(
     if distances:  # filters are for distances, not for errors
         judged["filter"] = [distances]
     compared = comparisons(results, judged)
+    fallen = fallen_lanes(results, range(len(cells)), outside=True)
+    grid = grid_html(results, fallen)
+    best = best_sentence(results, fallen)
     sentences = [
-        best_sentence(results, kinds),
         proved_sentence(results, theory),
         failed_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in grave_warnings(results)),
         outside_sentence(results) if alone else "",
-        unrecovered_sentence(results),
-        averages_sentence(results),
-        extremes_sentence(results, errors),
-        *compared.sentences,
+        "" if grid else unrecovered_sentence(results),
+        f"{RISING}{errors.rising}" * bool(errors.rising)
+        if grid
+        else extremes_sentence(results, errors),
         "" if alone else bounds_sentence(results, found, fit),
         search_sentence(results),
         separated,
@@ -97,9 +103,20 @@ def findings_section(
         outnumbered_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in other_warnings(results)),
     ]
-    items = "".join(f"<li>{each}</li>" for each in filter(None, sentences))
-    body = f"<ul>{items.replace(' %', f'{NO_BREAK}%').replace(ROUNDED, '0')}</ul>"
-    return Section("findings", "Findings", body + tables_html(results, compared))
+    told = [averages_sentence(results), *compared.sentences]
+    body = paragraph(best) * bool(best) + grid
+    if grid:
+        more = f"{bullets(told)}{tables_html(results, compared)}"
+        body += f"{bullets(sentences)}<details><summary>{DETAILS}</summary>{more}</details>"
+    else:
+        body += f"{bullets([*sentences, *told])}{tables_html(results, compared)}"
+    body = body.replace(" %", f"{NO_BREAK}%").replace(ROUNDED, "0")
+    return Section("findings", "Findings", body)
+
+
+def bullets(sentences: Iterable[str]) -> str:
+    items = "".join(f"<li>{each}</li>" for each in sentences if each)
+    return f"<ul>{items}</ul>" * bool(items)
 
 
 def failed_sentence(results: Results) -> str:

@@ -19,7 +19,7 @@ from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
-from jaxnet.view.page.where import where_words
+from jaxnet.view.page.where import joined_names, where_words
 
 FAILED = "lanes failed"
 NEGLIGIBLE = 1e-3  # of what a study asks for
@@ -153,6 +153,14 @@ def fallen_lanes(
 def held_word(results: Results) -> str:
     """What a lane does that holds."""
     return "agree" if is_leaderless(results.study.cells) else "recover"
+
+
+def fallen_words(results: Results) -> str:
+    """What a lane does that does not hold; "" if the study cannot tell."""
+    ways = ["fail"] * bool(results.manifest["lanes"]["failed"])
+    ways += ["leave the hull of the starts"] * is_leaderless(results.study.cells)
+    ways += [f"do not {held_word(results)}"] * (results.study.config.recovery is not None)
+    return joined_names(ways, "or")
 
 
 def known_shares(results: Results) -> pd.DataFrame:

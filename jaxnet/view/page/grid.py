@@ -1,0 +1,198 @@
+"""The verdict table of a study: where the fleet holds, by the keys whose values one chooses.
+
+Rows and columns are choices, such as topology and defence. A field is about all settings of the
+other keys: attacks, their magnitudes, noise.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from jaxnet.config.cells import Cell, is_leaderless, judged_metric
+from jaxnet.config.naming import NO_BREAK, Combination, key_name, value_alone, value_name
+from jaxnet.model.wording import counted
+from jaxnet.statistics.curves import failed_kinds
+from jaxnet.statistics.groups import swept_values_of
+from jaxnet.statistics.horizon import lost_cells
+from jaxnet.statistics.recovery import attacked_mask, criterion_words
+from jaxnet.store.results import Results
+from jaxnet.view.drawings.words import error_text
+from jaxnet.view.page.compared import swept_texts, wins
+from jaxnet.view.page.elements import notes_html, paragraph, sentence_case
+from jaxnet.view.page.judged import (
+    failed_lanes,
+    fallen_words,
+    falling_cells,
+    judged_lanes,
+    judged_word,
+    percent_text,
+)
+from jaxnet.view.page.where import joined_names
+
+# Keys that nobody chooses: settings in which the others are compared
+CONDITIONS = ("attack", "channel.loss", "channel.delay", "channel.noise", "navigator", "initial")
+CONDITIONS += ("channel.quantisation", "sensing", "vehicle", "horizon", "tail", "tick", "engine")
+MOST_ROWS, MOST_COLUMNS = 40, 8
+NONE = "none"
+
+
+class GridLayout(NamedTuple):
+    """The verdict table without its numbers.
+
+    Attributes
+    ----------
+    rows, columns
+        Keys of the rows, and the key of the columns if there is one.
+    fields
+        Numbers of the cells of each field, by the values of its row and of its column.
+    optional
+        The choice that is compared with none; "" if no choice has none.
+    """
+
+    rows: list[str]
+    columns: list[str]
+    fields: dict[Combination, dict[Combination, list[int]]]
+    optional: str
+
+
+def choices(cells: Sequence[Cell]) -> list[str]:
+    """The swept keys whose value one chooses."""
+    values = swept_values_of(cells)
+    return [key for key, each in values.items() if len(each) > 1 and not key.startswith(CONDITIONS)]
+
+
+def layout(cells: Sequence[Cell]) -> GridLayout | None:
+    """Lay out the cells under attack; None without a choice, and of too many rows or columns.
+
+    The last choice makes the columns, if it can one that may be left out; a single choice makes the
+    rows, and a setting the columns.
+    """
+    chosen, values = choices(cells), swept_values_of(cells)
+    cells = [cell for cell, attacked in zip(cells, attacked_mask(cells), strict=True) if attacked]
+    optional = [key for key in chosen if NONE in map(str, values[key])]
+    settings = [key for key, each in values.items() if key not in chosen and len(each) > 1]
+    columns = (optional or chosen)[-1:] if len(chosen) > 1 else settings[:1]
+    rows = [key for key in chosen if key not in columns]
+    fields = dict[Combination, dict[Combination, list[int]]]()
+    for cell in cells:
+        row, column = (tuple(cell.labels[key] for key in keys) for keys in (rows, columns))
+        fields.setdefault(row, {}).setdefault(column, []).append(cell.number)
+    fits = 0 < len(fields) <= MOST_ROWS and all(len(row) <= MOST_COLUMNS for row in fields.values())
+    return GridLayout(rows, columns, fields, "".join(optional[-1:])) if fits and rows else None
+
+
+def grid_html(results: Results, fallen: Mapping[int, pd.Series]) -> str:
+    """The table with its notes as HTML, "" where it has no place; `fallen` lanes do not hold."""
+    laid = layout(results.study.cells)
+    if laid is None:
+        return ""
+    columns = list(dict.fromkeys(column for row in laid.fields.values() for column in row))
+    heads = [key_name(key) for key in laid.rows]
+    heads += [", ".join(map(value_name, laid.columns, column)) for column in columns]
+    against = against_none(results, laid.optional, fallen) if laid.optional else {}
+    fields = fields_html(results, laid, fallen, against)
+    lines = []
+    for row in laid.fields:
+        values = map(value_alone, laid.rows, row)
+        begin = "".join(f'<th scope="row">{escape(value)}</th>' for value in values)
+        rest = (fields.get((row, column), "<td>not run</td>") for column in columns)
+        lines.append(begin + "".join(rest))
+    head = "".join(f'<th scope="col">{escape(each)}</th>' for each in heads)
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    table = f'<table class="verdict"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+    caption, *notes = grid_words(results, laid, tests=bool(against))
+    box = f'<div class="box" tabindex="0">{table}</div>'
+    return f"{paragraph(escape(caption))}{box}{notes_html(notes)}"
+
+
+def fields_html(
+    results: Results, laid: GridLayout, fallen: Mapping[int, pd.Series], against: Mapping[int, str]
+) -> dict[tuple[Combination, Combination], str]:
+    """Each field: lanes that do not hold, why lanes failed, errors, and what is found `against`."""
+    alone, failures = is_leaderless(results.study.cells), failed_kinds(results)
+    table: Any = results.cells.reset_index(drop=True)
+    medians = table[f"{judged_metric(results.study.cells)}_median"]
+    lost, falling = lost_cells(results, str(medians.name)), falling_cells(results)
+    word, tells, found = judged_word(results), bool(fallen_words(results)), {}
+    for row, mine in laid.fields.items():
+        for column, cells in mine.items():
+            here = [fallen[cell] for cell in cells]
+            told = [f"<b>{share_text(here)}</b>"] * tells
+            told.append(counted(sum((failures.get(cell, Counter()) for cell in cells), Counter())))
+            told.append(f"{span_text(word, medians[cells])}{', lost' * bool({*lost} & {*cells})}")
+            if alone:
+                told.append(span_text("out", table.loc[cells, "outside_max"]))
+            told += [f"{word} still falls"] * bool({*falling} & {*cells})
+            told.append(found_words([against[cell] for cell in cells if cell in against]))
+            text = "<br>".join(filter(None, told))
+            share = 100 * pd.concat(here).mean()
+            found[row, column] = f'<td style="--lost: {share:.0f}">{text}</td>'
+    return found
+
+
+def share_text(lanes: Sequence[pd.Series]) -> str:
+    """How many lanes of the cells of a field do not hold."""
+    every = pd.concat(lanes)
+    if every.all() or not every.any():
+        return f"{'all' if every.all() else '0 of'} {len(every):,} lanes"
+    shares = [100.0 * each.mean() for each in lanes]
+    ends = dict.fromkeys(map(percent_text, (min(shares), max(shares))))
+    return f"{' to '.join(ends)} % of lanes"
+
+
+def span_text(word: str, values: pd.Series) -> str:
+    known = values.dropna()
+    ends = dict.fromkeys(map(error_text, (known.min(), known.max())))
+    return f"{word} {' to '.join(ends)}{NO_BREAK}m" * bool(len(known))
+
+
+def against_none(results: Results, key: str, fallen: Mapping[int, pd.Series]) -> dict[int, str]:
+    """What tests find of cells against those whose choice is none; "" of no difference.
+
+    The first that differs counts: whether lanes hold, whether they fail, their errors.
+    """
+    texts: Any = swept_texts(results)[attacked_mask(results.study.cells)]
+    failed, found = failed_lanes(results), dict[int, str]()
+    errors = judged_lanes(results, texts.index, "m")
+    for lanes in (fallen, failed.lanes if failed else {}, errors):
+        won = wins(results, lanes, texts[key], texts.drop(columns=key))
+        for (better, worse), tests in won.tests.items() if won else ():
+            for test in tests:
+                if worse == NONE:
+                    found[test.better] = found.get(test.better) or "better" * test.found
+                if better == NONE:
+                    found[test.worse] = found.get(test.worse) or "worse" * test.found
+    return found
+
+
+def found_words(found: Sequence[str]) -> str:
+    told = [
+        f"{word} than none{f' in {many} of {len(found)} cells' * (many < len(found))}"
+        for word, many in Counter(found).items()
+        if word
+    ]
+    return joined_names(told) or "no difference from none is found" * bool(found)
+
+
+def grid_words(results: Results, laid: GridLayout, *, tests: bool) -> list[str]:
+    """What a field tells: its first line as a caption, then notes on the others."""
+    cells, asked = results.study.cells, results.study.config.recovery
+    varied = (key for key, values in swept_values_of(cells).items() if len(values) > 1)
+    settings = [key_name(key) for key in varied if key not in (*laid.rows, *laid.columns)]
+    over = f", over all values of {joined_names(settings)}" * bool(settings)
+    criterion = "" if asked is None else f" ({criterion_words(asked, cells)})"
+    caption = f"{judged_word(results)} of the median lane of a cell"
+    if fallen := fallen_words(results):
+        caption = f"lanes that {fallen}{criterion}, and {caption}"
+    told = [f"{sentence_case(caption)}{over}:"]
+    if is_leaderless(cells):
+        told.append("out: how far the worst lane of a cell leaves the hull of the starts")
+    if tests:
+        told.append(
+            f"better or worse than no {key_name(laid.optional)}: by tests of paired lanes, first of"
+            " those that do not hold, then of those that fail, then of errors"
+        )
+    return told
