@@ -528,11 +528,16 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
     ]
     assert re.findall(r'<td style="--lost: (\d+)">(.*?)</td>', table) == [
         ("100", "<b>all 24 lanes</b><br>error 9 m"),
-        ("0", "<b>0 of 24 lanes</b><br>error 0.5 to 1.5 m<br>better than none"),
+        ("0", "<b>0 of 24 lanes</b><br>error 0.5, 1.5 m<br>better than none"),
         ("100", "<b>all 24 lanes</b><br>error 9 m"),
-        ("100", "<b>all 24 lanes</b><br>error 9 to 9.5 m<br>worse than none in 1 of 2 cells"),
+        ("100", "<b>all 24 lanes</b><br>error 9.5, 9 m<br>worse than none in 1 of 2 cells"),
     ]
-    assert "Lanes that do not recover (mean error over the tail &gt; 0.1\xa0ā), and error" in found
+    assert (
+        "<p>Lanes that do not recover (mean error over the tail &gt; 0.1\xa0ā), and error of the"
+        " median lane of a cell, for ā\xa0=\xa010 and 20\xa0m in this order:</p>"
+    ) in found
+    found = told(tmp_path, [9.0, 8.0, 9.0, 8.0], **DEFENCES)
+    assert "No test of paired lanes finds a field better" in found
     found = told(tmp_path, FOUR, **DEFENCES)  # a single choice: magnitudes make the columns
     assert '<tr><th scope="col">defence</th><th scope="col">ā\xa0=\xa01\xa0m</th>' in found
     assert "<p>Error of the median lane of a cell:</p>" in found

@@ -5,17 +5,25 @@ other keys: attacks, their magnitudes, noise.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
-from jaxnet.config.naming import NO_BREAK, Combination, key_name, value_alone, value_name
+from jaxnet.config.naming import (
+    NO_BREAK,
+    Combination,
+    key_name,
+    quantity,
+    value_alone,
+    value_name,
+    values_named,
+)
 from jaxnet.model.wording import counted
 from jaxnet.statistics.curves import failed_kinds
-from jaxnet.statistics.groups import swept_values_of
+from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.horizon import lost_cells
 from jaxnet.statistics.recovery import attacked_mask, criterion_words
 from jaxnet.store.results import Results
@@ -35,8 +43,13 @@ from jaxnet.view.page.where import joined_names
 # Keys that nobody chooses: settings in which the others are compared
 CONDITIONS = ("attack", "channel.loss", "channel.delay", "channel.noise", "navigator", "initial")
 CONDITIONS += ("channel.quantisation", "sensing", "vehicle", "horizon", "tail", "tick", "engine")
-MOST_ROWS, MOST_COLUMNS = 40, 8
+MOST_ROWS, MOST_COLUMNS, MOST_NUMBERS = 40, 8, 4  # numbers are of a field's cells
 NONE = "none"
+ABOUT_TESTS = {  # by whether any finds a difference
+    True: "better or worse than no {}: by tests of paired lanes, first of those that do not hold,"
+    " then of those that fail, then of errors",
+    False: "no test of paired lanes finds a field better or worse than no {}",
+}
 
 
 class GridLayout(NamedTuple):
@@ -46,6 +59,8 @@ class GridLayout(NamedTuple):
     ----------
     rows, columns
         Keys of the rows, and the key of the columns if there is one.
+    settings
+        The other swept keys with their values, all of which a field is about.
     fields
         Numbers of the cells of each field, by the values of its row and of its column.
     optional
@@ -54,14 +69,28 @@ class GridLayout(NamedTuple):
 
     rows: list[str]
     columns: list[str]
+    settings: dict[str, list[Label]]
     fields: dict[Combination, dict[Combination, list[int]]]
     optional: str
+
+    @property
+    def heads(self) -> list[Combination]:
+        """The values of the columns."""
+        return list(dict.fromkeys(column for row in self.fields.values() for column in row))
+
+    @property
+    def listed(self) -> bool:
+        """Whether a field lists the numbers of its few cells, which differ in one key."""
+        return len(self.settings) == 1 and len(*self.settings.values()) <= MOST_NUMBERS
 
 
 def choices(cells: Sequence[Cell]) -> list[str]:
     """The swept keys whose value one chooses."""
-    values = swept_values_of(cells)
-    return [key for key, each in values.items() if len(each) > 1 and not key.startswith(CONDITIONS)]
+    return [
+        key
+        for key, values in swept_values_of(cells).items()
+        if len(values) > 1 and key != "channel" and not key.startswith(CONDITIONS)
+    ]
 
 
 def layout(cells: Sequence[Cell]) -> GridLayout | None:
@@ -70,18 +99,23 @@ def layout(cells: Sequence[Cell]) -> GridLayout | None:
     The last choice makes the columns, if it can one that may be left out; a single choice makes the
     rows, and a setting the columns.
     """
-    chosen, values = choices(cells), swept_values_of(cells)
     cells = [cell for cell, attacked in zip(cells, attacked_mask(cells), strict=True) if attacked]
+    chosen = choices(cells) if cells else []
+    if not chosen:
+        return None
+    values = {key: each for key, each in swept_values_of(cells).items() if len(each) > 1}
     optional = [key for key in chosen if NONE in map(str, values[key])]
-    settings = [key for key, each in values.items() if key not in chosen and len(each) > 1]
-    columns = (optional or chosen)[-1:] if len(chosen) > 1 else settings[:1]
+    columns = (optional or chosen)[-1:]
+    if len(chosen) == 1:
+        columns = [key for key in values if key not in chosen][:1]
     rows = [key for key in chosen if key not in columns]
+    settings = {key: each for key, each in values.items() if key not in (*rows, *columns)}
     fields = dict[Combination, dict[Combination, list[int]]]()
     for cell in cells:
         row, column = (tuple(cell.labels[key] for key in keys) for keys in (rows, columns))
         fields.setdefault(row, {}).setdefault(column, []).append(cell.number)
-    fits = 0 < len(fields) <= MOST_ROWS and all(len(row) <= MOST_COLUMNS for row in fields.values())
-    return GridLayout(rows, columns, fields, "".join(optional[-1:])) if fits and rows else None
+    laid = GridLayout(rows, columns, settings, fields, "".join(optional[-1:]))
+    return laid if len(fields) <= MOST_ROWS and len(laid.heads) <= MOST_COLUMNS else None
 
 
 def grid_html(results: Results, fallen: Mapping[int, pd.Series]) -> str:
@@ -89,21 +123,22 @@ def grid_html(results: Results, fallen: Mapping[int, pd.Series]) -> str:
     laid = layout(results.study.cells)
     if laid is None:
         return ""
-    columns = list(dict.fromkeys(column for row in laid.fields.values() for column in row))
-    heads = [key_name(key) for key in laid.rows]
-    heads += [", ".join(map(value_name, laid.columns, column)) for column in columns]
+    heads = [quantity(key) for key in laid.rows]
+    heads += [", ".join(map(value_name, laid.columns, column)) for column in laid.heads]
     against = against_none(results, laid.optional, fallen) if laid.optional else {}
-    fields = fields_html(results, laid, fallen, against)
+    differ = any(against.values())
+    fields = fields_html(results, laid, fallen, against if differ else {})
     lines = []
     for row in laid.fields:
         values = map(value_alone, laid.rows, row)
         begin = "".join(f'<th scope="row">{escape(value)}</th>' for value in values)
-        rest = (fields.get((row, column), "<td>not run</td>") for column in columns)
+        rest = (fields.get((row, column), "<td>not run</td>") for column in laid.heads)
         lines.append(begin + "".join(rest))
     head = "".join(f'<th scope="col">{escape(each)}</th>' for each in heads)
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     table = f'<table class="verdict"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
-    caption, *notes = grid_words(results, laid, tests=bool(against))
+    tests = ABOUT_TESTS[differ].format(key_name(laid.optional)) if against else ""
+    caption, *notes = grid_words(results, laid, tests)
     box = f'<div class="box" tabindex="0">{table}</div>'
     return f"{paragraph(escape(caption))}{box}{notes_html(notes)}"
 
@@ -120,33 +155,39 @@ def fields_html(
     for row, mine in laid.fields.items():
         for column, cells in mine.items():
             here = [fallen[cell] for cell in cells]
-            told = [f"<b>{share_text(here)}</b>"] * tells
-            told.append(counted(sum((failures.get(cell, Counter()) for cell in cells), Counter())))
-            told.append(f"{span_text(word, medians[cells])}{', lost' * bool({*lost} & {*cells})}")
+            reasons = sum((failures.get(cell, Counter()) for cell in cells), Counter())
+            error = errors_text(word, medians[cells], laid.listed)
+            told = [f"<b>{share_text(here, laid.listed)}</b>" * tells, counted(reasons)]
+            told.append(f"{error}{', lost' * bool({*lost} & {*cells})}")
             if alone:
-                told.append(span_text("out", table.loc[cells, "outside_max"]))
-            told += [f"{word} still falls"] * bool({*falling} & {*cells})
+                told.append(errors_text("out", table.loc[cells, "outside_max"], laid.listed))
+            told.append(f"{word} still falls" * bool({*falling} & {*cells}))
             told.append(found_words([against[cell] for cell in cells if cell in against]))
-            text = "<br>".join(filter(None, told))
             share = 100 * pd.concat(here).mean()
+            text = "<br>".join(filter(None, told))
             found[row, column] = f'<td style="--lost: {share:.0f}">{text}</td>'
     return found
 
 
-def share_text(lanes: Sequence[pd.Series]) -> str:
+def share_text(lanes: Sequence[pd.Series], listed: bool) -> str:
     """How many lanes of the cells of a field do not hold."""
     every = pd.concat(lanes)
     if every.all() or not every.any():
         return f"{'all' if every.all() else '0 of'} {len(every):,} lanes"
-    shares = [100.0 * each.mean() for each in lanes]
-    ends = dict.fromkeys(map(percent_text, (min(shares), max(shares))))
-    return f"{' to '.join(ends)} % of lanes"
+    return f"{numbers_text([100 * each.mean() for each in lanes], percent_text, listed)} % of lanes"
 
 
-def span_text(word: str, values: pd.Series) -> str:
-    known = values.dropna()
-    ends = dict.fromkeys(map(error_text, (known.min(), known.max())))
-    return f"{word} {' to '.join(ends)}{NO_BREAK}m" * bool(len(known))
+def errors_text(word: str, values: pd.Series, listed: bool) -> str:
+    known = values if listed else values.dropna()
+    told = numbers_text(known.to_list(), error_text, listed)
+    return f"{word} {told}{NO_BREAK}m" * bool(values.notna().any())
+
+
+def numbers_text(values: Sequence[float], text: Callable[[float], str], listed: bool) -> str:
+    """Each number, one for all if they read alike, or the least and the greatest."""
+    texts = [*map(text, values if listed else (min(values), max(values)))]
+    alike = len({*texts}) == 1
+    return texts[0] if alike else (", " if listed else " to ").join(texts)
 
 
 def against_none(results: Results, key: str, fallen: Mapping[int, pd.Series]) -> dict[int, str]:
@@ -177,22 +218,17 @@ def found_words(found: Sequence[str]) -> str:
     return joined_names(told) or "no difference from none is found" * bool(found)
 
 
-def grid_words(results: Results, laid: GridLayout, *, tests: bool) -> list[str]:
-    """What a field tells: its first line as a caption, then notes on the others."""
+def grid_words(results: Results, laid: GridLayout, tests: str) -> list[str]:
+    """What a field tells: a caption, then notes on its last lines."""
     cells, asked = results.study.cells, results.study.config.recovery
-    varied = (key for key, values in swept_values_of(cells).items() if len(values) > 1)
-    settings = [key_name(key) for key in varied if key not in (*laid.rows, *laid.columns)]
-    over = f", over all values of {joined_names(settings)}" * bool(settings)
+    over = f", over all values of {joined_names([*map(key_name, laid.settings)])}"
+    if laid.listed:
+        ((key, values),) = laid.settings.items()
+        over = f", for {values_named(key, values, 'and')} in this order"
     criterion = "" if asked is None else f" ({criterion_words(asked, cells)})"
-    caption = f"{judged_word(results)} of the median lane of a cell"
+    caption = f"{judged_word(results)} of the median lane of a cell{over * bool(laid.settings)}:"
     if fallen := fallen_words(results):
         caption = f"lanes that {fallen}{criterion}, and {caption}"
-    told = [f"{sentence_case(caption)}{over}:"]
-    if is_leaderless(cells):
-        told.append("out: how far the worst lane of a cell leaves the hull of the starts")
-    if tests:
-        told.append(
-            f"better or worse than no {key_name(laid.optional)}: by tests of paired lanes, first of"
-            " those that do not hold, then of those that fail, then of errors"
-        )
-    return told
+    out = "out: how far the worst lane of a cell leaves the hull of the starts"
+    notes = [out] * is_leaderless(cells) + [tests]
+    return [sentence_case(caption), *notes]
