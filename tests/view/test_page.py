@@ -541,6 +541,7 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
     found = told(tmp_path, FOUR, **DEFENCES)  # a single choice: magnitudes make the columns
     assert '<tr><th scope="col">defence</th><th scope="col">ā\xa0=\xa01\xa0m</th>' in found
     assert "<p>Error of the median lane of a cell:</p>" in found
+    assert "<td>error 4\xa0m</td>" in found  # nothing tells whether a lane holds
     assert "verdict" not in told(tmp_path, MANY, **SIZES)  # nothing to choose
 
 

@@ -151,7 +151,7 @@ def fields_html(
     table: Any = results.cells.reset_index(drop=True)
     medians = table[f"{judged_metric(results.study.cells)}_median"]
     lost, falling = lost_cells(results, str(medians.name)), falling_cells(results)
-    word, tells, found = judged_word(results), bool(fallen_words(results)), {}
+    word, tells, found = judged_word(results), has_verdict(results), {}
     for row, mine in laid.fields.items():
         for column, cells in mine.items():
             here = [fallen[cell] for cell in cells]
@@ -165,8 +165,14 @@ def fields_html(
             told.append(found_words([against[cell] for cell in cells if cell in against]))
             share = 100 * pd.concat(here).mean()
             text = "<br>".join(filter(None, told))
-            found[row, column] = f'<td style="--lost: {share:.0f}">{text}</td>'
+            colour = f' style="--lost: {share:.0f}"' * tells
+            found[row, column] = f"<td{colour}>{text}</td>"
     return found
+
+
+def has_verdict(results: Results) -> bool:
+    """Whether a lane that ends may hold or not: recovery is asked, or the hull tells."""
+    return results.study.config.recovery is not None or is_leaderless(results.study.cells)
 
 
 def share_text(lanes: Sequence[pd.Series], listed: bool) -> str:
@@ -227,8 +233,8 @@ def grid_words(results: Results, laid: GridLayout, tests: str) -> list[str]:
         over = f", for {values_named(key, values, 'and')} in this order"
     criterion = "" if asked is None else f" ({criterion_words(asked, cells)})"
     caption = f"{judged_word(results)} of the median lane of a cell{over * bool(laid.settings)}:"
-    if fallen := fallen_words(results):
-        caption = f"lanes that {fallen}{criterion}, and {caption}"
+    if has_verdict(results):
+        caption = f"lanes that {fallen_words(results)}{criterion}, and {caption}"
     out = "out: how far the worst lane of a cell leaves the hull of the starts"
     notes = [out] * is_leaderless(cells) + [tests]
     return [sentence_case(caption), *notes]
