@@ -86,26 +86,20 @@ Tested = Sequence[tuple[ComparedBy, Wins]]
 
 
 class Comparisons(NamedTuple):
-    """What is told of swept kinds: a sentence and a table each; rows of pairs and of tests."""
+    """What is told of swept kinds: a sentence and a table each; a row for each test."""
 
     sentences: list[str]
     tables: list[str]
-    pairs: list[dict[str, str]]
     tests: list[TestRow]
 
     def folded(self) -> str:
-        """Tables of pairs and of tests, which open at a click, as HTML."""
+        """The table of tests, which opens at a click, as HTML."""
+        if not self.tests:
+            return ""
         tests = sorted(self.tests, key=lambda each: each["p"])[:MOST_TESTS]
-        told = {
-            f"Pairs of values compared ({len(self.pairs)})": (self.pairs, ""),
-            f"p values of {count(len(self.tests), 'comparison')}": (tests, P_WORDS),
-        }
-        return "".join(
-            f"<details><summary>{what}</summary>{sortable_table(pd.DataFrame(rows))}"
-            f"{notes_html([note])}</details>"
-            for what, (rows, note) in told.items()
-            if rows
-        )
+        title = f"p values of {count(len(self.tests), 'comparison')}"
+        table = f"{sortable_table(pd.DataFrame(tests))}{notes_html([P_WORDS])}"
+        return f"<details><summary>{title}</summary>{table}</details>"
 
 
 def swept_texts(results: Results) -> pd.DataFrame:
@@ -225,7 +219,7 @@ def against_first(results: Results, key: str, labels: Sequence[str], judged: Tes
 
 def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> Comparisons:
     """Compare the values of each swept kind by quantities; of more than two, all with the first."""
-    told, texts = Comparisons([], [], [], []), swept_texts(results)
+    told, texts = Comparisons([], [], []), swept_texts(results)
     for key, quantities in asked.items():
         verdicts, columns = dict[str, list[str]](), dict[str, list[str]]()
         judged = list[tuple[ComparedBy, Wins]]()
@@ -247,8 +241,10 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
                 verdicts.setdefault(verdict_words(key, labels, won), []).append(each.name)
         told.tables.append(sortable_table(pd.DataFrame(columns)))
         words = [f"by {joined_names(names)}: {which}" for which, names in verdicts.items()]
-        differ = [*pair_rows(results, key, labels, judged)]
         if words:
+            differ = any(
+                test.found for _, won in judged for some in won.tests.values() for test in some
+            )
             if differ and len(labels) == 2:  # whose difference says which is better
                 words = [each for each in words if NOT_FOUND in each]
             verdict = f" {sentence_case('; '.join(words))}." * bool(words)
@@ -256,18 +252,7 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
             both = [verdict, against] if len(labels) > 2 else [against, verdict]
             name = escape(sentence_case(key_name(key)))
             told.sentences.append(f"<b>{name}.</b>{''.join(both)}")
-        told.pairs.extend(differ)
     return told
-
-
-def pair_rows(
-    results: Results, key: str, labels: Sequence[str], judged: Tested
-) -> Iterator[dict[str, str]]:
-    """Two values in a row, with what differs."""
-    for first, second in itertools.combinations(labels, 2):
-        if words := against_words(results, key, (first, second), judged):
-            ends = {"with": named(key, first), "against": named(key, second)}
-            yield {"compared": key_name(key), **ends, "what differs": words}
 
 
 def rows_of_tests(results: Results, key: str, quantity: ComparedBy, won: Wins) -> Iterator[TestRow]:
@@ -317,7 +302,7 @@ def tables_html(results: Results, told: Comparisons) -> str:
     """The tables with notes, and those that a reader opens."""
     if not told.tables:
         return ""
-    notes = [RANGE_WORDS, SETTING_WORDS * bool(told.pairs)]
+    notes = [RANGE_WORDS, SETTING_WORDS * bool(told.tests)]
     if falling := falling_cells(results):
         notes.append(f"left out, as the {judged_word(results)} still falls: {cells_named(falling)}")
     return "".join(told.tables) + notes_html(notes) + told.folded()

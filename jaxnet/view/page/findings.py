@@ -341,7 +341,7 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
     if len(shares) > MOST_TOLD:
         ends = f"<b>{number_text(min(shares))} to {number_text(max(shares))} %</b>"
         groups = f"{len(shares)} groups of cells that differ in ā alone"
-        told += f"In {groups} it is {ends} of the least bound (table below). "
+        told += f"In {groups} the worst error is {ends} of the least bound (table below). "
     elif bounded:
         told += f"Per ā it is {'; '.join(map(bound_words, bounded))}. "
     if bounded and results.file("violations.csv").exists():
