@@ -242,9 +242,7 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
         told.tables.append(sortable_table(pd.DataFrame(columns)))
         words = [f"by {joined_names(names)}: {which}" for which, names in verdicts.items()]
         if words:
-            differ = any(
-                test.found for _, won in judged for some in won.tests.values() for test in some
-            )
+            differ = any(won.beaten() for _, won in judged)
             if differ and len(labels) == 2:  # whose difference says which is better
                 words = [each for each in words if NOT_FOUND in each]
             verdict = f" {sentence_case('; '.join(words))}." * bool(words)
