@@ -122,7 +122,7 @@ def test_the_summary_has_the_numbers_of_cells_csv(folder, html):
     assert "Each cell: lanes ok 3, lanes failed 0." in text
 
 
-def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> str:
+def told(tmp_path, errors, failed=(), cells=(), bounds=None, hulls=3, **keys) -> str:
     """Findings of a study of three samples whose cells have these mean tail errors."""
     made, errors = systems.study(samples=3, **keys), np.array(errors)
     statuses = [*failed, *["ok"] * (3 - len(failed))]
@@ -139,7 +139,7 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> str:
             yield from rows.groupby("cell")
             return
         for cell in sorted(cells or range(len(errors))):  # all lanes of a cell are alike
-            lanes = {"sample": range(3 if "outside" in columns else 12), "status": "ok"}
+            lanes = {"sample": range(hulls if "outside" in columns else 12), "status": "ok"}
             lanes[made.cells[0].scenario.judged] = errors[cell]
             lanes["outside"] = table.get("outside_median", errors)[cell]
             yield cell, pd.DataFrame(lanes)
@@ -170,7 +170,10 @@ def test_cells_that_are_not_all_of_a_value_are_told_with_it():
             [0, 2, 4],
             "with no\xa0defence, ā\xa0=\xa01 and 3\xa0m; or with W-MSR, ā\xa0=\xa02\xa0m (3 cells)",
         ),
-        ([0, 1, 3], "in 3 of 4 cells with ā\xa0=\xa01 or 2\xa0m"),
+        (
+            [0, 1, 3],
+            "with no\xa0defence, ā\xa0=\xa01 and 2\xa0m; or with W-MSR, ā\xa0=\xa01\xa0m (3 cells)",
+        ),
     ):
         assert where.where_words(results, numbers) == words
 
@@ -521,20 +524,21 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
         *("topology", "no defence", "W-MSR", "cyclic", "star")
     ]
     assert re.findall(r'<td style="--lost: (\d+)">(.*?)</td>', table) == [
-        ("100", "<b>all 24 lanes</b><br>error 9 m"),
-        ("0", "<b>0 of 24 lanes</b><br>error 0.5, 1.5 m<br>better than none"),
-        ("100", "<b>all 24 lanes</b><br>error 9 m"),
-        ("100", "<b>all 24 lanes</b><br>error 9.5, 9 m<br>worse than none in 1 of 2 cells"),
+        ("100", "<b>100 %</b><br>error 9 m"),
+        ("0", "<b>0 %</b><br>error 0.5, 1.5 m<br>better than none"),
+        ("100", "<b>100 %</b><br>error 9 m"),
+        ("100", "<b>100 %</b><br>error 9.5, 9 m<br>worse than none in 1 of 2 cells"),
     ]
     assert (
         "<p>Lanes that do not recover (mean error over the tail &gt; 0.1\xa0ā), and error of the"
-        " median lane of a cell, for ā\xa0=\xa010 and 20\xa0m in this order:</p>"
+        " median lane, for ā\xa0=\xa010 and 20\xa0m in this order. 12 lanes a cell:</p>"
     ) in found
+    assert "95\xa0% intervals of these shares reach at most 26.5 percentage points" in found
     found = told(tmp_path, [9.0, 8.0, 9.0, 8.0], **DEFENCES)
     assert "No test of paired lanes finds a field better" in found
     found = told(tmp_path, FOUR, **DEFENCES)  # a single choice: magnitudes make the columns
     assert '<tr><th scope="col">defence</th><th scope="col">ā\xa0=\xa01\xa0m</th>' in found
-    assert "<p>Error of the median lane of a cell:</p>" in found
+    assert "<p>Error of the median lane. 12 lanes a cell:</p>" in found
     assert "<td>error 4\xa0m</td>" in found  # nothing tells whether a lane holds
     assert "verdict" not in told(tmp_path, MANY, **SIZES)  # nothing to choose
 
@@ -552,16 +556,31 @@ def test_the_best_combination_holds_against_every_other(tmp_path):
     found = told(tmp_path, [9.0, 9.0, 9.0, 5.0], **keys)
     assert "star, W-MSR</b>. Even there <b>12 of 12 lanes</b> do not recover, " in found
     assert "<b>Best" not in told(tmp_path, [9.0, 9.0, 9.0, 9.0], **keys)
+    found = told(tmp_path, [9.0, 1e-5, 5.0, 1e-9], **keys)  # both are 0 beside 1 m
+    assert "and defence, none better than another: cyclic, W-MSR; star, W-MSR</b>" in found
     lossy = {"kind": "bernoulli", "probability": 0.1}
     keys["sweep"] = {
         "channel.loss": ["none", lossy],
         "defence": ["none", {"kind": "w_msr", "F": 2}],
     }
     found = told(tmp_path, [9.0, 0.5, 9.5, 0.6], **keys)  # whose choice is the loss?
-    assert "<b>Best defence: W-MSR</b>. There <b>0 of 24 lanes</b> do" in found
+    assert "<b>Best defence: W-MSR</b>. There <b>0 of 12 lanes</b> in each cell do" in found
     assert (
         "A vehicle may drop all of its neighbours there, and hear the navigator alone.</p>" in found
     )
+
+
+def test_who_left_the_hull_does_not_come_back(tmp_path):
+    """So cells whose spread still falls count; with a navigator they do not."""
+    sweep = {"sweep": {"defence": ["none", "w_msr"], "attack.vehicles": [[1], [2]]}}
+    cells = {"falling": [0.0, 0.0, 0.0, 1.0], "outside_median": [1.0, 1.0, 0.0, 0.0]}
+    cells |= {"outside_max": [1.0, 1.0, 0.0, 0.0], "spread_median": [0.01] * 4}
+    found = told(tmp_path, [0.01] * 4, hulls=12, **HULL | sweep | {"cells": cells})
+    assert "<b>Best defence: W-MSR</b>. There <b>0 of 12 lanes</b> in each cell leave" in found
+    assert "spread ≈ 0\xa0m<br>out ≈ 0\xa0m<br>spread still falls" in found
+    cells = {"falling": [0.0, 0.0, 0.0, 1.0]}
+    found = told(tmp_path, [9.0, 9.0, 1.0, 1.0], **ROTATING | sweep | {"cells": cells})
+    assert "<b>Best defence, where errors have settled: W-MSR</b>" in found
 
 
 def test_why_nothing_is_dropped_is_told(tmp_path):

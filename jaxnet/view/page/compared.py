@@ -97,7 +97,8 @@ class Comparisons(NamedTuple):
         if not self.tests:
             return ""
         tests = sorted(self.tests, key=lambda each: each["p"])[:MOST_TESTS]
-        title = f"p values of {count(len(self.tests), 'comparison')}"
+        which = f"The least {len(tests)} " if len(tests) < len(self.tests) else ""
+        title = f"{which}p values of {count(len(self.tests), 'comparison')}"
         table = f"{sortable_table(pd.DataFrame(tests))}{notes_html([P_WORDS])}"
         return f"<details><summary>{title}</summary>{table}</details>"
 

@@ -23,9 +23,7 @@ from jaxnet.statistics.quantities import meaning, stored_values
 from jaxnet.statistics.recovery import (
     attacked_mask,
     confidence_told,
-    criterion_words,
     share_name,
-    threshold,
 )
 from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import share_names
@@ -40,10 +38,11 @@ from jaxnet.view.page.compared import (
     tables_html,
 )
 from jaxnet.view.page.elements import Section, paragraph, sentence_case
-from jaxnet.view.page.grid import grid_html
+from jaxnet.view.page.grid import choices, grid_html
 from jaxnet.view.page.judged import (
     CellErrors,
     ComparedBy,
+    criterion_text,
     fallen_lanes,
     held_word,
     is_negligible,
@@ -78,8 +77,9 @@ def findings_section(
     cells = results.study.cells
     alone = is_leaderless(cells)
     errors = judged_errors(results, found)
-    kinds = [key for key in swept_kinds(results) if key != "filter"]
+    kinds = [*swept_kinds(results), *choices(cells)]
     judged = dict.fromkeys(kinds, measures_compared(results, errors))
+    judged.pop("filter", None)
     separated, distances = separation_sentence(results)
     if distances:  # filters are for distances, not for errors
         judged["filter"] = [distances]
@@ -237,12 +237,9 @@ def unrecovered_sentence(results: Results) -> str:
     share: Any = settled(results, known)
     if share.empty:
         return f"No share {share_name(cells)}: {nothing_words(results)}."
-    limits = {threshold(cell, asked) for cell in np.array(cells)[attacked_mask(cells)]}
-    size = f" = {number_text(limits.pop())} m" if len(limits) == 1 else ""
-    above = "" if asked is None else f" ({criterion_words(asked, cells)}{size})"
     alone = " in cells that have settled" * (len(share) < len(known))
     span = span_words(results, share, percent_text, " %", known.index.tolist(), confidence)
-    return f"{share_words(results)}{above}{alone} {span}."
+    return f"{share_words(results)}{criterion_text(results)}{alone} {span}."
 
 
 def separation_sentence(results: Results) -> tuple[str, ComparedBy | None]:

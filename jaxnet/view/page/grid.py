@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
@@ -21,21 +22,24 @@ from jaxnet.config.naming import (
     value_name,
     values_named,
 )
-from jaxnet.model.wording import counted
+from jaxnet.model.wording import count_between, counted, number_text
 from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.horizon import lost_cells
-from jaxnet.statistics.recovery import attacked_mask, criterion_words
+from jaxnet.statistics.intervals import clopper_pearson
+from jaxnet.statistics.recovery import attacked_mask, confidence_told
 from jaxnet.store.results import Results
-from jaxnet.view.drawings.words import error_text
+from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.compared import swept_texts, wins
 from jaxnet.view.page.elements import notes_html, paragraph, sentence_case
 from jaxnet.view.page.judged import (
+    criterion_text,
     failed_lanes,
     fallen_words,
     falling_cells,
     judged_lanes,
     judged_word,
+    negligible_errors,
     percent_text,
 )
 from jaxnet.view.page.where import joined_names
@@ -46,8 +50,8 @@ CONDITIONS += ("channel.quantisation", "sensing", "vehicle", "horizon", "tail", 
 MOST_ROWS, MOST_COLUMNS, MOST_NUMBERS = 40, 8, 4  # numbers are of a field's cells
 NONE = "none"
 ABOUT_TESTS = {  # by whether any finds a difference
-    True: "better or worse than no {}: by tests of paired lanes, first of those that do not hold,"
-    " then of those that fail, then of errors",
+    True: "better or worse than no {}: by tests of paired lanes, first of those that do not hold;"
+    " without a difference, of those that fail; then of errors",
     False: "no test of paired lanes finds a field better or worse than no {}",
 }
 
@@ -138,7 +142,7 @@ def grid_html(results: Results, fallen: Mapping[int, pd.Series]) -> str:
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     table = f'<table class="verdict"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
     tests = ABOUT_TESTS[differ].format(key_name(laid.optional)) if against else ""
-    caption, *notes = grid_words(results, laid, tests)
+    caption, *notes = grid_words(results, laid, fallen, tests)
     box = f'<div class="box" tabindex="0">{table}</div>'
     return f"{paragraph(escape(caption))}{box}{notes_html(notes)}"
 
@@ -151,21 +155,22 @@ def fields_html(
     table: Any = results.cells.reset_index(drop=True)
     medians = table[f"{judged_metric(results.study.cells)}_median"]
     lost, falling = lost_cells(results, str(medians.name)), falling_cells(results)
+    medians = medians.mask(medians < negligible_errors(results), 0.0)
     word, tells, found = judged_word(results), has_verdict(results), {}
     for row, mine in laid.fields.items():
         for column, cells in mine.items():
-            here = [fallen[cell] for cell in cells]
+            shares = pd.Series([100 * fallen[cell].mean() for cell in cells])
             reasons = sum((failures.get(cell, Counter()) for cell in cells), Counter())
-            error = errors_text(word, medians[cells], laid.listed)
-            told = [f"<b>{share_text(here, laid.listed)}</b>" * tells, counted(reasons)]
+            error = lengths_text(word, medians[cells], laid.listed)
+            told = [f"<b>{numbers_text(shares, percent_text, laid.listed)} %</b>" * tells]
+            told.append(counted(reasons))
             told.append(f"{error}{', lost' * bool({*lost} & {*cells})}")
             if alone:
-                told.append(errors_text("out", table.loc[cells, "outside_max"], laid.listed))
+                told.append(lengths_text("out", table.loc[cells, "outside_max"], laid.listed))
             told.append(f"{word} still falls" * bool({*falling} & {*cells}))
             told.append(found_words([against[cell] for cell in cells if cell in against]))
-            share = 100 * pd.concat(here).mean()
+            colour = f' style="--lost: {shares.mean():.0f}"' * tells
             text = "<br>".join(filter(None, told))
-            colour = f' style="--lost: {share:.0f}"' * tells
             found[row, column] = f"<td{colour}>{text}</td>"
     return found
 
@@ -175,23 +180,19 @@ def has_verdict(results: Results) -> bool:
     return results.study.config.recovery is not None or is_leaderless(results.study.cells)
 
 
-def share_text(lanes: Sequence[pd.Series], listed: bool) -> str:
-    """How many lanes of the cells of a field do not hold."""
-    every = pd.concat(lanes)
-    if every.all() or not every.any():
-        return f"{'all' if every.all() else '0 of'} {len(every):,} lanes"
-    return f"{numbers_text([100 * each.mean() for each in lanes], percent_text, listed)} % of lanes"
+def lengths_text(word: str, values: pd.Series, listed: bool) -> str:
+    told = numbers_text(values, near_text, listed) if values.notna().any() else ""
+    return f"{word} {told}{NO_BREAK}m" * bool(told)
 
 
-def errors_text(word: str, values: pd.Series, listed: bool) -> str:
-    known = values if listed else values.dropna()
-    told = numbers_text(known.to_list(), error_text, listed)
-    return f"{word} {told}{NO_BREAK}m" * bool(values.notna().any())
+def near_text(length: float) -> str:
+    text = error_text(length)
+    return "≈ 0" if text in ("0", ROUNDED) else text
 
 
-def numbers_text(values: Sequence[float], text: Callable[[float], str], listed: bool) -> str:
+def numbers_text(values: pd.Series, text: Callable[[float], str], listed: bool) -> str:
     """Each number, one for all if they read alike, or the least and the greatest."""
-    texts = [*map(text, values if listed else (min(values), max(values)))]
+    texts = [*map(text, values if listed else (values.min(), values.max()))]
     alike = len({*texts}) == 1
     return texts[0] if alike else (", " if listed else " to ").join(texts)
 
@@ -224,17 +225,26 @@ def found_words(found: Sequence[str]) -> str:
     return joined_names(told) or "no difference from none is found" * bool(found)
 
 
-def grid_words(results: Results, laid: GridLayout, tests: str) -> list[str]:
-    """What a field tells: a caption, then notes on its last lines."""
-    cells, asked = results.study.cells, results.study.config.recovery
+def grid_words(
+    results: Results, laid: GridLayout, fallen: Mapping[int, pd.Series], tests: str
+) -> list[str]:
+    """What a field tells: a caption, then notes on its lines."""
+    cells = [cell for row in laid.fields.values() for some in row.values() for cell in some]
+    lost, sizes = np.array([[fallen[cell].sum(), len(fallen[cell])] for cell in cells]).T
     over = f", over all values of {joined_names([*map(key_name, laid.settings)])}"
     if laid.listed:
         ((key, values),) = laid.settings.items()
         over = f", for {values_named(key, values, 'and')} in this order"
-    criterion = "" if asked is None else f" ({criterion_words(asked, cells)})"
-    caption = f"{judged_word(results)} of the median lane of a cell{over * bool(laid.settings)}:"
+    caption, notes = f"{judged_word(results)} of the median lane", [tests]
     if has_verdict(results):
-        caption = f"lanes that {fallen_words(results)}{criterion}, and {caption}"
-    out = "out: how far the worst lane of a cell leaves the hull of the starts"
-    notes = [out] * is_leaderless(cells) + [tests]
-    return [sentence_case(caption), *notes]
+        caption = f"lanes that {fallen_words(results)}{criterion_text(results)}, and {caption}"
+        if results.study.config.draws == "random":
+            sure = confidence_told(results.study.config.samples)
+            low, high = clopper_pearson(lost, sizes, sure)
+            reach = 100 * max((high - lost / sizes).max(), (lost / sizes - low).max())
+            most = f"{number_text(reach)} percentage points from the value"
+            notes.append(f"{100 * sure:g} % intervals of these shares reach at most {most}")
+    if is_leaderless(results.study.cells):
+        notes.insert(0, "out: how far the worst lane of a cell leaves the hull of the starts")
+    lanes = count_between(sizes.tolist(), "lane")
+    return [f"{sentence_case(caption)}{over * bool(laid.settings)}. {lanes} a cell:", *notes]

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.kinds.metrics import LANE_STATISTICS
@@ -12,7 +13,7 @@ from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR, attack_size
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
-from jaxnet.statistics.recovery import threshold
+from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
 from jaxnet.statistics.summary import count_in_hull
 from jaxnet.statistics.tiles import lost_name, share_lost
 from jaxnet.store import rows
@@ -155,6 +156,16 @@ def held_word(results: Results) -> str:
     return "agree" if is_leaderless(results.study.cells) else "recover"
 
 
+def criterion_text(results: Results) -> str:
+    """What a lane that does not recover has, in brackets, with its length if all cells have one."""
+    asked, cells = results.study.config.recovery, results.study.cells
+    if asked is None:
+        return ""
+    limits = {threshold(cell, asked) for cell in np.array(cells)[attacked_mask(cells)]}
+    size = f" = {number_text(limits.pop())} m" if len(limits) == 1 else ""
+    return f" ({criterion_words(asked, cells)}{size})"
+
+
 def fallen_words(results: Results) -> str:
     """What a lane does that does not hold; "" if the study cannot tell."""
     ways = ["fail"] * bool(results.manifest["lanes"]["failed"])
@@ -198,13 +209,18 @@ def lanes_outside(results: Results) -> ComparedBy | None:
     return ComparedBy("lanes outside the hull", "%", better, worse, values, flags)
 
 
-def is_negligible(results: Results, errors: CellErrors) -> bool:
-    """Whether all errors are far below what the study asks for."""
+def negligible_errors(results: Results) -> Float[np.ndarray, " cells"]:
+    """Errors [m] that are far below what a study asks for, by cell; 0 if it asks for nothing."""
     asked = results.study.config.recovery
     limits = [threshold(cell, asked) for cell in results.study.cells]
-    least = np.fmin.reduce(limits, initial=np.inf)
+    return NEGLIGIBLE * np.nan_to_num(limits)
+
+
+def is_negligible(results: Results, errors: CellErrors) -> bool:
+    """Whether all errors are far below what the study asks for."""
+    least = negligible_errors(results)
     most = errors.values["value"].to_numpy().max()
-    return errors.unit == "m" and bool(most < NEGLIGIBLE * least < np.inf)
+    return errors.unit == "m" and bool(most < least[least > 0].min(initial=np.inf) < np.inf)
 
 
 def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
@@ -238,12 +254,14 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
 
 
 def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
-    """Errors of lanes that ended, by sample."""
+    """Errors of lanes that ended, by sample; negligible ones are 0."""
     found, sizes = {}, curves.cell_magnitudes(results)
-    metric = judged_metric(results.study.cells)
+    metric, least = judged_metric(results.study.cells), negligible_errors(results)
     for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells={*numbers}):
-        errors: Any = lanes.set_index("sample")[metric] / (sizes[cell] if unit == "ā" else 1.0)
-        found[cell] = errors.where(errors.abs() >= ROUNDING_ERROR, 0.0)
+        size = sizes[cell] if unit == "ā" else 1.0
+        errors: Any = lanes.set_index("sample")[metric]
+        negligible = errors < max(ROUNDING_ERROR * size, least[cell])
+        found[cell] = (errors / size).mask(negligible, 0.0)
     return found
 
 

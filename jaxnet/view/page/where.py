@@ -31,14 +31,12 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     if many == 1:
         return f"with {first} (cell {numbers[0]})"
     words, alike = values_told(results, numbers, cells)
-    if not words:
+    if not words or alike > many:
         mine = [results.study.cells[n].labels for n in numbers]
         there = [cell.labels for cell in cells]
         told = "; or with ".join(escape(each) for each in choices_words(mine, there))
         short = len(told) <= MOST_LETTERS
         return f"with {told} ({many} cells)" if short else f"in {cells_named(numbers)}"
-    if alike > many:
-        return f"in {many} of {alike} cells with {escape(words)}"
     return f"with {escape(words)} ({many} cells)"
 
 
