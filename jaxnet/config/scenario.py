@@ -185,7 +185,7 @@ def with_sybils(
 PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "leader": "there is no navigator",
     "exact sensors": "sensors err",
-    "exact messages": "messages have noise or are rounded",
+    "exact messages": "messages are not exact (noise or rounding)",
     "unrounded messages": "messages are rounded",
     "white": "errors are drawn, correlated in time, or have outliers",
     "every message": "messages are lost",

@@ -279,8 +279,8 @@ def test_messages_that_are_lost_together_or_replaced_keep_nobody_from_trimming(k
     ("keys", "why"),
     [
         ({"sensing": {"position": 0.1}}, "sensors err"),
-        ({"channel": {"noise": {"position": 0.1}}}, "messages have noise or are rounded"),
-        ({"channel": {"quantisation": 0.1}}, "messages have noise or are rounded"),
+        ({"channel": {"noise": {"position": 0.1}}}, "messages are not exact (noise or rounding)"),
+        ({"channel": {"quantisation": 0.1}}, "messages are not exact (noise or rounding)"),
         ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}, "messages are lost"),
         ({"channel": {"delay": 0.1}}, "messages are late"),
         (

@@ -230,6 +230,11 @@ CUTS |= ROTATING | {"tick": 0.1}
 TOLD = [
     (FOUR, CUTS, "<b>Alarms cut.</b> By error: <b>link</b> is better than each of the others."),
     (
+        FOUR,
+        CUTS,
+        "<li><b>Detectors know the true motion</b> (an ideal observer), as no real one does",
+    ),
+    (
         MANY,
         SIZES,
         "In the median lane of a cell the error (a mean over vehicles and the tail) ranges from"

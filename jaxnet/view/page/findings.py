@@ -53,7 +53,7 @@ from jaxnet.view.page.judged import (
     percent_text,
     settled,
 )
-from jaxnet.view.page.proved import outnumbered_sentence, proved_sentence
+from jaxnet.view.page.proved import ideal_sentence, outnumbered_sentence, proved_sentence
 from jaxnet.view.page.where import MOST_TOLD, span_words, where_words
 from jaxnet.view.text import worst
 from jaxnet.view.text.check import AlikeCells
@@ -100,6 +100,7 @@ def findings_section(
         search_sentence(results),
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
+        ideal_sentence(results),
         outnumbered_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in other_warnings(results)),
     ]

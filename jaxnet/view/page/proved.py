@@ -36,6 +36,14 @@ def proved_sentence(results: Results, theory: Sequence[AlikeCells]) -> str:
     return f"<b>By theory</b> (<code>jaxnet check</code>):<ul>{''.join(told)}</ul>" if where else ""
 
 
+def ideal_sentence(results: Results) -> str:
+    """Where detectors know what no vehicle can."""
+    detectors = [cell.scenario.detector for cell in results.study.cells]
+    ideal = [cell for cell, each in enumerate(detectors) if each.present and each.predicts.exact]
+    told = "<b>Detectors know the true motion</b> (an ideal observer), as no real one does"
+    return f"{told} {where_words(results, ideal)}".rstrip() + "." if ideal else ""
+
+
 def outnumbered_sentence(results: Results) -> str:
     """Where vehicles hear more attacked sources than they can drop, or at some ticks too few."""
     found, starved = dict[tuple[str, str, str], list[int]](), dict[str, list[int]]()
