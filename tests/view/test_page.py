@@ -232,7 +232,7 @@ TOLD = [
     (
         FOUR,
         CUTS,
-        "<li><b>Detectors know the true motion</b> (an ideal observer), as no real one does",
+        "<li><b>Detectors know the true motion</b> in every cell: an ideal observer",
     ),
     (
         MANY,

@@ -40,8 +40,10 @@ def ideal_sentence(results: Results) -> str:
     """Where detectors know what no vehicle can."""
     detectors = [cell.scenario.detector for cell in results.study.cells]
     ideal = [cell for cell, each in enumerate(detectors) if each.present and each.predicts.exact]
-    told = "<b>Detectors know the true motion</b> (an ideal observer), as no real one does"
-    return f"{told} {where_words(results, ideal)}".rstrip() + "." if ideal else ""
+    if not ideal:
+        return ""
+    told = f"<b>Detectors know the true motion</b> {where_words(results, ideal)}".rstrip()
+    return f"{told}: an ideal observer, which no real vehicle has."
 
 
 def outnumbered_sentence(results: Results) -> str:
