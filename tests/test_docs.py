@@ -47,7 +47,8 @@ class Reader:
 
     def __init__(self, home):
         self.home, self.said, self.done = home, [], []
-        self.write("configs/quick.yaml", (ROOT / "configs" / "quick.yaml").read_text())
+        for name in ("configs/quick.yaml", "configs/agreement.yaml"):
+            self.write(name, (ROOT / name).read_text())
 
     def write(self, name, text):
         """A file as the page shows it; a study is a second long, without an integrator."""
@@ -181,12 +182,13 @@ def alike(shown, printed):
 def test_the_tutorial_shows_the_tables_that_run_show_and_fit_print(tmp_path, monkeypatch):
     """At 80 columns, its studies as they are: a line of the page is a line of the program."""
     monkeypatch.chdir(tmp_path)
-    run, own, fit = (DOCS / "tutorial.md").read_text().split("\n## ")[3:6]
+    run, own, fit, _, meet = (DOCS / "tutorial.md").read_text().split("\n## ")[3:]
     Path("study.yaml").write_text(re.findall(r"```yaml\n(.*?)```", own, re.S)[0])
     commands = {
         run: [["run", str(ROOT / "configs" / "quick.yaml")], ["show", "results/quick"]],
         own: [["run", "study.yaml"], ["run", "study.yaml", "horizon=30", "--out", "results/short"]],
         fit: [["fit", "results/study"]],
+        meet: [["run", str(ROOT / "configs" / "agreement.yaml")]],
     }
     for section, each in commands.items():
         said = [CliRunner().invoke(main, words, env={"COLUMNS": "80"}).output for words in each]
