@@ -97,7 +97,7 @@ def unseen_lie(case: Case) -> UnseenLie | None:
     if found is None:
         return None
     position = deviations(case)[0]
-    first, steady = position * np.sqrt([found.rate + found.burst, found.rate])
+    first, steady = position * np.sqrt([found.first, found.rate])
     return UnseenLie(float(first), float(steady))
 
 

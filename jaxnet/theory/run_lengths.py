@@ -111,12 +111,12 @@ def mean_first(step: Kernel, links: int) -> float:
 class Unseen(NamedTuple):
     """Lies without alarm: the squared residuals of any K ticks in a row are at most K rate + burst.
 
-    They are whitened. A residual of √rate at each tick, after one of √(rate + burst), is seen by
-    nobody.
+    They are whitened. A residual of √rate at each tick, after one of √first, is seen by nobody.
     """
 
     rate: float
     burst: float
+    first: float
 
 
 def unseen(rule: AlarmRule) -> Unseen | None:
@@ -124,5 +124,6 @@ def unseen(rule: AlarmRule) -> Unseen | None:
     if not rule.squared:
         return None
     if rule.drift is not None:
-        return Unseen(rule.drift, rule.limit)
-    return Unseen(rule.limit / rule.window, rule.limit * (1 - 1 / rule.window))
+        return Unseen(rule.drift, rule.limit, rule.drift + rule.limit)
+    rate = rule.limit / rule.window
+    return Unseen(rate, rule.limit - rate, rate)

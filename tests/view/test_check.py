@@ -157,6 +157,11 @@ FACTS = [
         "a liar that knows the errors may be 0.3035 m off at each tick and raise no alarm; lies",
     ),
     (TESTED | {"defence": "w_msr"}, "unseen", "and raise no alarm"),
+    (
+        TESTED | {"detector": {"kind": "chi_squared", "window": 10}},
+        "unseen",
+        "m off at each tick and raise no alarm;",  # the window sees any greater one
+    ),
     (CUTTING, "alarms", "a false alarm about one link comes after 245 ticks = 12.25 s in the mean"),
     (
         CUTTING,
