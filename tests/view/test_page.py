@@ -902,6 +902,11 @@ def test_many_notes_on_the_columns_are_folded(folder, monkeypatch):
         assert ("<details><summary>Notes on the columns" in body) == (many == 7)
 
 
+def test_no_line_of_a_note_ends_within_a_number():
+    told = elements.notes_html(["by over 1e-08 m"])
+    assert '<span style="white-space: nowrap">1e-08\N{NO-BREAK SPACE}m</span>.' in told
+
+
 def test_titles_on_the_page_keep_names_and_units_on_a_line():
     """W-MSR, and a number beside its unit; what a config says is text."""
     html = elements.plot_html(elements.Plot("30 % lost, <W-MSR> F=2", None, {}))

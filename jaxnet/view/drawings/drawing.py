@@ -3,7 +3,7 @@
 `figures.printed` makes a matplotlib figure of it, `page.plots` makes plotly figures.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -21,6 +21,7 @@ DODGE, MARK = 0.025, 0.02  # of the axis: between marks side by side; half of a 
 MOST_DECADES = 6  # of values that a log axis shows, and one at either end for what is beyond
 ROOM_ABOVE = 1.5  # of its top, to the end of an axis that is cut
 LONE_REACH = 100.0  # of a log axis with one value, its ends' ratio
+POINTWISE = ("x", "y", "low", "high", "cells", "apart", "sizes")  # of a series
 BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
 BOUNDS_TOLD = "coloured lines: bounds of theory"
 FITS_TOLD = "grey lines, at a height s: error = s ā, fitted to the lanes"
@@ -154,6 +155,22 @@ class Scale(NamedTuple):
         low = (values < self.floor) | (values <= LOG_FLOOR)
         return self.log & low, self.log & (values > self.top)
 
+    def named_ticks(
+        self,
+        places: Iterable[float],
+        named: Callable[[float], str],
+        beyond: tuple[bool, bool],
+        apart: float,
+    ) -> dict[float, str]:
+        """Ticks of a log axis with their names; an end says so if values beyond it stand there.
+
+        `beyond` is that of the drawing. Ticks nearer to such an end than `apart` decades go.
+        """
+        ends = zip((self.floor, self.top), beyond, "≤≥", strict=True)
+        told = {end: f"{sign} {named(end)}" for end, there, sign in ends if there}
+        kept = (at for at in places if all(abs(np.log10(at / end)) > apart for end in told))
+        return {at: named(at) for at in kept} | told
+
     def bars(self, low: Any, value: Any, high: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
         """Lower and upper ends of error bars within the axis, and which bars go on beyond it.
 
@@ -242,10 +259,35 @@ class Drawing(NamedTuple):
     colours: Scale | None = None  # of tiles
     blank: str = ""  # why tiles have no number
 
+    @property
+    def values(self) -> Scale:
+        return self.x if self.y.names else self.y
+
+    def parted(self, series: Trace) -> list[Trace]:
+        """The points within the axis, and apart, hollow, those beyond, to which no line leads."""
+        values = np.asarray(series.x if self.y.names else series.y, dtype=float)
+        beyond = np.any(self.values.is_beyond(values), axis=0)
+        if not series.look.marker or not beyond.any():
+            return [series]
+        arrays = series._replace(sizes=np.broadcast_to(series.sizes, beyond.shape))._asdict()
+        arrays = {name: arrays[name] for name in POINTWISE if arrays[name] is not None}
+        ends = {name: np.asarray(each)[beyond] for name, each in arrays.items()}
+        ends |= {"form": "points", "look": series.look._replace(hollow=True)}
+        within = {"x" if self.y.names else "y": np.where(beyond, np.nan, values)}
+        return [series._replace(**within), series._replace(**ends)]
+
+    def beyond(self, panels: Sequence[Panel]) -> tuple[bool, bool]:
+        """Whether any value of these panels stands at the floor of a log axis, and at its top."""
+        series = [each for panel in panels for each in panel.series if each.form != "slope"]
+        shown = [each.x if self.y.names else each.y for each in series]
+        shown += [end for each in series if not each.barred for end in (each.low, each.high)]
+        sides = [self.values.is_beyond(each) for each in shown if each is not None]
+        return any(np.any(low) for low, _ in sides), any(np.any(high) for _, high in sides)
+
     def told(self, panels: Sequence[Panel]) -> list[str]:
         """The notes, those on these panels, and how points were moved and low values are drawn."""
         series = [each for panel in panels for each in panel.series if each.form != "slope"]
-        scale, named = self.x if self.y.names else self.y, dict[str, list[Mapping[str, Label]]]()
+        scale, named = self.values, dict[str, list[Mapping[str, Label]]]()
         for panel in panels:
             named.setdefault(panel.note, []).append(panel.labels)
         notes = []
@@ -259,13 +301,11 @@ class Drawing(NamedTuple):
         found += [*self.notes, *notes]
         found += [MOVED_NOTE] * any(each.apart is not None for each in series)
         middle = [each.x if self.y.names else each.y for each in series]
-        ends = [end for each in series if not each.barred for end in (each.low, each.high)]
         bars = zip(series, middle, strict=True)
         if any(np.any(scale.bars(each.low, at, each.high)[1]) for each, at in bars if each.barred):
             found.append(BEYOND_NOTE)
-        beyond = [scale.is_beyond(each) for each in (*middle, *ends) if each is not None]
-        words = [f"below {scale.floor:g}"] * any(low.any() for low, _ in beyond)
-        words += [f"above {scale.top:.0e}"] * any(high.any() for _, high in beyond)
+        low, high = self.beyond(panels)
+        words = [f"below {scale.floor:g}"] * low + [f"above {scale.top:.0e}"] * high
         if words:
             told = " or ".join(words).replace("e-0", "e-").replace("e+0", "e")
             marked = [at for each, at in zip(series, middle, strict=True) if each.look.marker]

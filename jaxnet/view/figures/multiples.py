@@ -38,6 +38,7 @@ LEGEND_LINE = 0.16  # [in]
 LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
+BETWEEN = 1.06  # of a panel, the middle between it and the next
 
 
 def sharing_first(labels: Sequence[Labels]) -> int:
@@ -228,7 +229,8 @@ def panel_grid(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with a titled panel per label, at most `most` in a row, and its panels.
 
-    Titles and axis labels are wrapped to a panel's share of the width without the margin [in].
+    Titles are wrapped to a panel's share of the width without the margin [in]. An axis label stands
+    once, in the middle of the lowest row or of the left column.
     Height and margin are those for type of the style for print; larger type takes more.
     """
     size = type_scale("font.size")
@@ -247,16 +249,19 @@ def panel_grid(
     letters = title_letters(within - margin, across)
     for unit in (" [", " / "):  # stays beside its quantity
         x, y = (each.replace(unit, unit.replace(" ", NO_BREAK)) for each in (x, y))
-    along = LETTERS_PER_PANEL * min(1.0, height / PANEL_HEIGHT)
-    beside = y if is_math_text(y) else "\n".join(lines_within(y, along))
-    below = filled_lines(x, 0.85 * letters)
+    along = LETTERS_PER_PANEL * max(min(1.0, height / PANEL_HEIGHT), rows > 1)
+    beside = y if is_math_text(y) else "\n".join(lines_within(y, along * rows))
+    lowest = panels[(rows - 1) * across :]
+    (lowest[(len(lowest) - 1) // 2]).set_xlabel(
+        filled_lines(x, 0.85 * letters * len(lowest)), x=0.5 if len(lowest) % 2 else BETWEEN
+    )
+    panels[(rows - 1) // 2 * across].set_ylabel(beside, y=0.5 if rows % 2 else 1.0 - BETWEEN)
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
         is_lowest = place + across >= len(labels)
         panel.set_title(wrapped(named, letters), pad=3, fontsize=7.5 * size)
         panel.grid(True, color="0.92", linewidth=0.5)
         panel.set_axisbelow(True)
         panel.tick_params(labelbottom=is_lowest, labelleft=place % across == 0)
-        panel.set(xlabel=below * is_lowest, ylabel=beside * (place % across == 0))
         if is_lowest:
             panel.xaxis.set_in_layout(place // across == rows - 1)  # else a hole has room below
     return drawn, panels
