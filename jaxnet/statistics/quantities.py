@@ -44,6 +44,7 @@ LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
 SPREAD_WORDS = f"spread: {SPREAD.words}"
 TITLES = {"tail_mean": "error", "tail_max": "worst vehicle"}  # of metrics, if not their names
 FORMATION_NOTE = "errors, spread and outside leave out the vehicles' places in the formation"
+MOST_UNENDED = 3  # choices of cells without a lane
 VALUE_COLUMNS = ["value", "low", "high"]
 
 
@@ -135,7 +136,7 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         share, sure = lane_shares(study)[name], confidence_told(study.samples)
         words, values = f"lanes {share.words(cells)}", 100 * stored_values(table, share_names(name))
         note = share.note(study, cells)
-        if name == "unrecovered" and table["failed"].any():
+        if name == "unrecovered" and any(table["failed"]):
             of, words, note = "lanes", f"lanes {lost_name(results)}", f"{note}, or failed"
             values = (100 * share_lost(results).loc[table.index]).set_axis(VALUE_COLUMNS, axis=1)
         found = Quantity(name, words, "%", True, sure, values, note)
@@ -171,6 +172,7 @@ def unended_words(results: Results, cells: Sequence[Cell]) -> str:
 
     def told(words: str, some: Sequence[Cell]) -> str:
         where = choices_words([cell.labels for cell in some], [cell.labels for cell in cells])
+        where[MOST_UNENDED:] = ["…"] * (len(where) > MOST_UNENDED)
         why = sum((kinds.get(cell.number, Counter()) for cell in some), Counter[str]())
         return f"{words}: {' / '.join(where)} ({counted(why)})"
 

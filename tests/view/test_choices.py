@@ -145,12 +145,6 @@ def test_rows_are_evenly_apart_where_the_last_is_not_full():
     assert panels[10].get_window_extent().x1 < box.x0
 
 
-def test_titles_stay_on_one_line_where_the_page_has_room():
-    """Fewer panels stand in a row then."""
-    panels = grid_of(6, 7.16, named="a long name of number ").axes
-    assert not any("\n" in panel.get_title() for panel in panels)
-
-
 def test_heat_maps_of_two_by_four_stand_in_two_rows():
     """Smaller tiles are better than a row that is not full."""
     sweep = {"topology": ["star", "cyclic"], "attack.frequency": [1.0, 2.0, 3.0, 4.0]}

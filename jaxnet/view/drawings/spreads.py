@@ -44,7 +44,7 @@ DOT, MIDDLE = Look(style.SKY, marker=".", size=3), Look(style.BLACK, marker="D",
 VEHICLE = Look(style.BLACK, marker="o", size=3)
 ATTACKED_VEHICLE = Look(style.ORANGE, marker="s", size=4)
 VEHICLE_RANGE, VEHICLE_MAXIMUM = Look(style.SKY, width=3), Look(style.GREY, marker="_", size=5)
-LOST = Look(style.BLACK, marker="x", size=5)
+UNENDED = Look(style.BLACK, marker="x", size=5)
 LIMIT = Look(style.RED, (4, 1.5), width=0.8)
 
 
@@ -86,8 +86,8 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     ok = results.cells["ok"].to_numpy()
     for _, mine, drawn in panels:
         rows_lost = np.flatnonzero(ok[mine] == 0)
-        ends = np.full(len(rows_lost), min(x.ends[1], x.top))
-        drawn += [Trace(NO_LANE, LOST, ends, rows_lost, "points")] * bool(len(rows_lost))
+        ends = np.full(len(rows_lost), x.last)
+        drawn += [Trace(NO_LANE, UNENDED, ends, rows_lost, "points")] * bool(len(rows_lost))
     panels = [Panel(*each) for each in panels]
     y = Scale("", names=titles, labels=labels)
     return Drawing(panels, x, y, notes, there=(there, "cells"), where="lanes/")

@@ -46,7 +46,7 @@ def answers(results: Results, cells: Sequence[Cell]) -> list[Quantity]:
 def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing:
     x, values = axes.x, ordered_values(cells, axes.x)
     numbers = x is not None and on_a_scale(values)
-    there = found.values["value"].dropna().index.union(found.unended)
+    there = {*found.values["value"].dropna().index, *found.unended}
     if x is not None and numbers:  # an axis without the values of which nothing is known
         known = {cell.labels[x] for cell in cells if cell.number in there}
         values = [value for value in values if value in known]
@@ -59,7 +59,6 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
     rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""],
                  labels=labels)  # fmt: skip
     shown = Scale(found.axis, found.ends, found.log, found.share).cut(found.known)
-    end = min(found.ends[1], shown.top)
 
     def series(place: int, mine: Sequence[Cell]) -> list[Trace]:
         labels = [cell.labels[x] if x else 0 for cell in mine]
@@ -73,14 +72,13 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         points = (where, value, "both") if numbers else (value, where + shift, "points")
         seen = Trace(names[place], looks[place], *points, low, high, about, sizes=sizes)
         lost = np.isin(about, found.unended)
-        if not lost.any():
-            return [seen]
-        at, ends = where[lost], np.full(lost.sum(), end)
-        points = (at, ends) if numbers else (ends, at + shift)
-        cross = looks[place]._replace(marker="x", size=5)
-        crosses = Trace(NO_LANE, cross, *points, "points", np.nan * ends, np.nan * ends,
-                        np.array(about)[lost].tolist())  # fmt: skip
-        return [crosses] if lost.all() else [seen, crosses]
+        where, ends = where[lost], np.full(lost.sum(), shown.last)
+        points = (where, ends) if numbers else (ends, where + shift)
+        look, unknown = looks[place]._replace(marker="x", size=5), np.nan * ends
+        crosses = Trace(
+            NO_LANE, look, *points, "points", unknown, unknown, np.array(about)[lost].tolist()
+        )
+        return [seen, *[crosses] * bool(lost.any())]
 
     panels = []
     for labels, mine in panels_of(cells, axes):
@@ -88,11 +86,11 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         drawn = [
             trace
             for place, each in enumerate(by_hue(mine, axes, hues))
-            if there.isin([cell.number for cell in each]).any()
+            if there & {cell.number for cell in each}
             for trace in series(place, each)
         ]
         if numbers:
-            drawn = drawing.moved_sideways(drawn, across, shown)
+            drawn = drawing.moved_sideways(drawn, across)
         words = "" if drawn else "no value"
         panels.append(Panel(labels, numbers_of, drawn, words))
     x_scale, y_scale = (across, shown) if numbers else (shown, rows)

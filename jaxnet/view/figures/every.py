@@ -194,7 +194,7 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             multiples.write_note(made, multiples.escape_dollars("; ".join(filter(None, notes))))
             multiples.make_room(made)
             if asked:
-                multiples.set_size(made, asked)
+                made.set_size_inches(asked)
         if not note:
             made.supxlabel("").set_in_layout(False)
         multiples.show_unparsed(made)
@@ -365,8 +365,11 @@ def draw_figures(
     results: Results, names: Sequence[str] = FIGURE_NAMES, told: Steps = no_progress
 ) -> Iterator[UPath]:
     """Draw the named figures that the folder has data for; yield each file once it is written."""
+    alone = len(results.study.cells) == 1  # whose curve would be one point
     for done, name in enumerate(names):
         told("figures drawn", done, len(names))
+        if alone and name == "curve":
+            continue
         try:
             drawn = getattr(Plots(results), name)()
         except (LackingError, MissingKindError):

@@ -62,18 +62,6 @@ def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
     return max(parts, default=-(-many // -(-many // most)))
 
 
-def set_size(drawn: Figure, size: tuple[float, float]) -> None:
-    """Give a figure another size [in]; lower panels with the same label share it."""
-    words = {panel.get_ylabel() for panel in drawn.axes} - {""}
-    if len(words) == 1 and size[1] < drawn.get_figheight():
-        for panel in drawn.axes:
-            panel.set_ylabel("")
-        letters = LETTERS_PER_PANEL * size[1] / type_scale("font.size") / 2
-        told = lines_within(words.pop().replace("\n", " "), letters)
-        drawn.supylabel("\n".join(told), fontsize=mpl.rcParams["axes.labelsize"])
-    drawn.set_size_inches(size)
-
-
 def log_ticks(axis: Axis) -> None:
     """Set ticks of a log axis with fixed ends; short axes get ticks within a decade."""
     low, high = sorted(axis.get_view_interval())
@@ -202,20 +190,6 @@ def title_height(labels: Sequence[Labels], width: float, most: int) -> float:
     """Height [in] of the lines of titles after the first."""
     letters = title_letters(width, panel_columns(labels, most))
     return LINE_HEIGHT * max(wrapped(t, letters).count("\n") for t in distinct_titles(labels)[0])
-
-
-def columns_of_titles(labels: Sequence[Labels], width: float) -> int:
-    """Panels in a row: fewer where titles then stay on one line and a page holds as many panels."""
-    most, run = most_in_row(labels, panels_across(width)), sharing_first(labels)
-    longest = max(map(len, distinct_titles(labels)[0]))
-    there = len(panels_fitting(labels, width, most=most))
-    for across in range(most, 0, -1):
-        across = panel_columns(labels, across)
-        is_whole = len(panels_fitting(labels, width, most=across)) == there
-        mixes = run % across and across % run
-        if is_whole and not mixes and longest <= title_letters(width, across):
-            return across
-    return most
 
 
 def panel_grid(

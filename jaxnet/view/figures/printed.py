@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
 from jaxnet.statistics.groups import evenly, evenly_over
-from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Selection, Tiles, Trace
+from jaxnet.view.drawings.drawing import Drawing, Ends, Look, Panel, Scale, Selection, Tiles, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -133,13 +133,10 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
 
 
 def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
-    """The largest tiles with which all panels fit in full rows, or else all, or else some.
-
-    Of named rows, as many as fit.
-    """
+    """The largest tiles with which most panels fit, in full rows; of named rows, as many as fit."""
     labels, names = [panel.labels for panel in drawing.panels], drawing.y.names
     if not names:
-        most = multiples.columns_of_titles(labels, width)
+        most = multiples.most_in_row(labels, multiples.panels_across(width))
         height = multiples.PANEL_HEIGHT + multiples.title_height(labels, width, most)
         return Layout(multiples.panels_fitting(labels, width, height, most), most, height)
     rows = [multiples.wrapped(name, multiples.LETTERS_PER_INCH * width / 3) for name in names]
@@ -326,7 +323,7 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
         axis.set_major_locator(MaxNLocator(max(2, min(8, int(room / ROOM_OF_TICK)))))
 
 
-def mark_ends(panel: Axes, drawing: Drawing, beyond: tuple[bool, bool], room: float) -> None:
+def mark_ends(panel: Axes, drawing: Drawing, beyond: Ends, room: float) -> None:
     """Name the ends of an axis of this room [in] at which values stand that are beyond it."""
     if not any(beyond):
         return

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
 
-from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title, value_name
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.sweep import keys_in
@@ -39,6 +39,7 @@ NODE_DIAMETER = 11.0  # [pt] diameter of a node where there is room for it
 TOPOLOGY_LEGEND_HEIGHT = 0.55  # [in]
 LEAST_NUMBERED_NODE = 9.5  # [pt] diameter of a node whose number can be read
 WANTED_SPACING = 18.0  # [pt] from one node to the next that panels grow for
+LEAST_GRAPH = 108.0  # [pt] of a panel, and of its title
 NODE_IN_WAY = 0.08  # of a link's length: a node so near to it is in the way
 MOST_NAME = 16  # characters of a vehicle's name
 MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
@@ -124,7 +125,7 @@ class DrawnGraph:
         return "\n".join(lines[: 1 + bool(words)])
 
     def bends(self, listener: int, source: int) -> bool:
-        """Whether the arrow of a link is bent: a link back of another look, or a node in the way."""
+        """Whether a link is bent: a link back looks otherwise, or a node is in the way."""
         ends = self.places[[source, listener + 1]]
         others = np.delete(self.places, [source, listener + 1], axis=0)
         along = ends[1] - ends[0]
@@ -169,7 +170,7 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     there = networks_of(cells)
     wanted = [WANTED_SPACING / each.spacing for each in there if not each.is_large]
     most = MOST_IN_ROW if len(wanted) == len(there) else MATRICES_IN_ROW
-    across = max(1, min(most, int(72 * width / max(wanted, default=1.0))))
+    across = max(1, min(most, int(72 * width / max([LEAST_GRAPH, *wanted]))))
     columns = -(-len(there) // -(-len(there) // across))  # rows of alike length
     size = width / max(columns, min(across, 3 * width / style.FIGURE_WIDTH))
     most = columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))

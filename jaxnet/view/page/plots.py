@@ -100,7 +100,7 @@ def tiled(drawing: Drawing) -> str:
     for letter, scale in (("x", drawing.x), ("y", drawing.y)):
         named = {"title": {"text": plain(scale.title)}, "showgrid": False}
         layout[f"{letter}axis"] = names_axis(scale.names, falling=letter == "y") | named
-    reach = float(norm.vmin), float(norm.vmax)
+    reach: Any = norm.vmin, norm.vmax
     ends = [*map(named_powers(*reach), reach)]
     bar = {"title": {"text": plain(title), "side": "right"}, "tickvals": [0, 1], "ticktext": ends}
     look = {"type": "heatmap", "zmin": 0, "zmax": 1, "xgap": 1, "ygap": 1, "showscale": False}
@@ -153,8 +153,9 @@ def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
     shared = bool(timed) and all(each.x is timed[0].x for each in many)
     traces: list[dict[str, Any]] = []
     for each in many:
-        within, *beyond = (traces_of(drawing, part, shared) for part in drawing.parted(each))
-        traces += [*within, *(trace | {"showlegend": False} for trace in sum(beyond, []))]
+        for place, part in enumerate(drawing.parted(each)):
+            found = traces_of(drawing, part, shared)
+            traces += [trace | {"showlegend": False} for trace in found] if place else found
     if shared:
         saved = (["q05", "q95"] if each.form == "band" else [each.name] for each in many)
         names = [*itertools.chain.from_iterable(saved)]
