@@ -432,6 +432,7 @@ def test_a_narrow_title_breaks_no_word_that_fits():
         ("loss of 30 % lost", 11, ["loss of", "30 % lost"]),
         ("defence W-MSR F=2", 11, ["defence", "W-MSR F=2"]),
         ("tail: the last 5 s", 16, ["tail: the last", "5 s"]),
+        ("mean error of the fleet [m]", 23, ["mean error of the", "fleet [m]"]),
         ("a look-ahead-vehicle", 8, ["a look-", "ahead-", "vehicle"]),  # longer than a line
     ],
 )

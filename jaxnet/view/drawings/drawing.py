@@ -26,7 +26,7 @@ BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
 BOUNDS_TOLD = "coloured lines: bounds of theory"
 FITS_TOLD = "grey lines, at a height s: error = s ā, fitted to the lanes"
 MOVED_NOTE = "points at one value stand side by side"
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
 class Look(NamedTuple):
@@ -95,7 +95,7 @@ class Tiles(NamedTuple):
     told: Any
 
 
-Ends = tuple[bool, bool]  # whether values beyond a log axis stand at its floor, and at its top
+Beyond = tuple[bool, bool]  # whether values beyond a log axis stand at its floor, and at its top
 
 
 class Scale(NamedTuple):
@@ -156,7 +156,7 @@ class Scale(NamedTuple):
         return self.log & low, self.log & (values > self.top)
 
     def named_ticks(
-        self, places: Iterable[float], named: Callable[[float], str], beyond: Ends, apart: float
+        self, places: Iterable[float], named: Callable[[float], str], beyond: Beyond, apart: float
     ) -> dict[float, str]:
         """Names of ticks of a log axis; an end says so if values beyond it stand there.
 
@@ -242,7 +242,7 @@ class Drawing(NamedTuple):
         within = {"x" if self.y.names else "y": np.where(beyond, np.nan, values)}
         return [series._replace(**within), series._replace(**ends)]
 
-    def beyond(self, panels: Sequence[Panel]) -> Ends:
+    def beyond(self, panels: Sequence[Panel]) -> Beyond:
         series = [each for panel in panels for each in panel.series if each.form != "slope"]
         shown = [each.x if self.y.names else each.y for each in series]
         shown += [end for each in series if not each.barred for end in (each.low, each.high)]

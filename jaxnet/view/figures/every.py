@@ -365,11 +365,10 @@ def draw_figures(
     results: Results, names: Sequence[str] = FIGURE_NAMES, told: Steps = no_progress
 ) -> Iterator[UPath]:
     """Draw the named figures that the folder has data for; yield each file once it is written."""
-    alone = len(results.study.cells) == 1  # whose curve would be one point
     for done, name in enumerate(names):
         told("figures drawn", done, len(names))
-        if alone and name == "curve":
-            continue
+        if name == "curve" and len(results.study.cells) == 1:
+            continue  # one point
         try:
             drawn = getattr(Plots(results), name)()
         except (LackingError, MissingKindError):

@@ -221,14 +221,12 @@ def panel_grid(
         shared: Any = dict.fromkeys(("sharex", "sharey"), panels[0]) if panels else {}
         panels.append(drawn.add_subplot(grid[row, column], **shared))
     letters = title_letters(within - margin, across)
-    for unit in (" [", " / "):  # stays beside its quantity
-        x, y = (each.replace(unit, unit.replace(" ", NO_BREAK)) for each in (x, y))
+    x, y = (each.replace(" / ", f"{NO_BREAK}/{NO_BREAK}") for each in (x, y))
     along = LETTERS_PER_PANEL * max(min(1.0, height / PANEL_HEIGHT), rows > 1)
     beside = y if is_math_text(y) else "\n".join(lines_within(y, along * rows))
     lowest = panels[(rows - 1) * across :]
-    (lowest[(len(lowest) - 1) // 2]).set_xlabel(
-        filled_lines(x, 0.85 * letters * len(lowest)), x=0.5 if len(lowest) % 2 else BETWEEN
-    )
+    below, middle = filled_lines(x, 0.85 * letters * len(lowest)), lowest[(len(lowest) - 1) // 2]
+    middle.set_xlabel(below, x=0.5 if len(lowest) % 2 else BETWEEN)
     panels[(rows - 1) // 2 * across].set_ylabel(beside, y=0.5 if rows % 2 else 1.0 - BETWEEN)
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
         is_lowest = place + across >= len(labels)

@@ -1,7 +1,7 @@
 """A drawing in print: a legend, small multiples, and notes below them."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
 from jaxnet.statistics.groups import evenly, evenly_over
-from jaxnet.view.drawings.drawing import Drawing, Ends, Look, Panel, Scale, Selection, Tiles, Trace
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Selection, Tiles, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -72,7 +72,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     page = layout_of(drawing, within, legend_of(drawing.panels, drawing.key, width)[1])
     panels, rows = [drawing.panels[place] for place in page.shown], page.rows
     if rows:
-        panels = [each._replace(series=seen_series(each.series, rows)) for each in panels]
+        panels = [each._replace(series=[*seen_series(each.series, rows)]) for each in panels]
     handles, below = legend_of(panels, drawing.key, width)
     labels = [panel.labels for panel in panels]
     titles, sizes = (drawing.x.title, drawing.y.title), (page.height, page.most, page.margin)
@@ -105,7 +105,8 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     else:
         set_scale(axes[0], drawing.y, "y", page.height)
     set_scale(axes[0], drawing.x, "x", room)
-    mark_ends(axes[0], drawing, drawing.beyond(panels), room if rows else page.height)
+    if any(beyond := drawing.beyond(panels)):
+        mark_ends(axes[0], drawing, beyond, room if rows else page.height)
     if is_steep:
         for place in axes:
             place.tick_params(axis="x", labelrotation=90)
@@ -173,19 +174,15 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     return max(found, key=worth)  # of equal ones the first, with the larger tiles
 
 
-def seen_of(series: Trace, rows: Sequence[int]) -> Trace:
-    """A series at the named rows that are drawn, at these places."""
-    row = np.rint(series.y).astype(int)
-    seen = np.isin(row, rows)
-    y = np.searchsorted(rows, row[seen]) + (series.y - row)[seen]
-    ends = [end if end is None else end[seen] for end in (series.low, series.high)]
-    return series._replace(x=series.x[seen], y=y, low=ends[0], high=ends[1])
-
-
-def seen_series(many: Sequence[Trace], rows: Sequence[int]) -> list[Trace]:
-    """The series that have points at the named rows that are drawn."""
-    seen = (seen_of(each, rows) for each in many)
-    return [each for each in seen if len(each.x)]
+def seen_series(many: Sequence[Trace], rows: Sequence[int]) -> Iterator[Trace]:
+    """Yield the series that have points at the named rows that are drawn, at these places."""
+    for each in many:
+        row = np.rint(each.y).astype(int)
+        seen = np.isin(row, rows)
+        y = np.searchsorted(rows, row[seen]) + (each.y - row)[seen]
+        low, high = (end if end is None else end[seen] for end in (each.low, each.high))
+        if seen.any():
+            yield each._replace(x=each.x[seen], y=y, low=low, high=high)
 
 
 def legend_of(
@@ -253,11 +250,11 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
     if series.form == "level":
         panel.axhline(y[0], **line_style(look, series.form))
         return
-    if series.form == "steps":
-        panel.step(x, y, where="post", **line_style(look, series.form))
-        return
     is_mark = series.form in ("points", "both")
-    front = {"clip_on": False, "zorder": 3 - (look.marker == ".")} if is_mark else {}
+    front: dict[str, Any] = (
+        {"clip_on": False, "zorder": 3 - (look.marker == ".")} if is_mark else {}
+    )
+    front["drawstyle"] = "steps-post" if series.form == "steps" else "default"
     panel.plot(x, y, **line_style(look, series.form), **front)
 
 
@@ -323,10 +320,8 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
         axis.set_major_locator(MaxNLocator(max(2, min(8, int(room / ROOM_OF_TICK)))))
 
 
-def mark_ends(panel: Axes, drawing: Drawing, beyond: Ends, room: float) -> None:
+def mark_ends(panel: Axes, drawing: Drawing, beyond: Any, room: float) -> None:
     """Name the ends of an axis of this room [in] at which values stand that are beyond it."""
-    if not any(beyond):
-        return
     axis, apart = (panel.xaxis, END_ROOM[0]) if drawing.y.names else (panel.yaxis, END_ROOM[1])
     low, high = axis.get_view_interval()
     apart *= np.log10(high / low) / room

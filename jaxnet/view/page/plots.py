@@ -21,7 +21,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import LOG_FLOOR
-from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import DODGE, Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, PALETTE, colour_norm, text_colour
 from jaxnet.view.drawings.words import error_text, lines_within
 from jaxnet.view.figures import style
@@ -41,10 +41,6 @@ PLOTLY_SYMBOLS = {
     "*": "star",
     "^": "triangle-up",
     "v": "triangle-down",
-    "<": "triangle-left",
-    ">": "triangle-right",
-    "p": "pentagon",
-    "h": "hexagon",
     "_": "line-ew",
     "x": "x-thin",
 }
@@ -55,6 +51,7 @@ TIME_AXIS = {"title": {"text": "t [s]"}, "rangemode": "tozero"}
 LONE_HEIGHT = 340  # [px] of the only panel
 LETTERS, ACROSS = 26, 40  # of a line of a name on an axis, and of the title along x
 LOG_ROOM = 1.25  # at the ends of a log axis
+TICKS_APART = {"x": 1.5, "y": 0.5}  # decades from the tick of an end of a log axis to the next
 MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
 ROOM_OF_TICKS = 2.0  # [in] of an axis with ticks at swept values
 MOST_IN_ROW, DESK, TILE = 4, 1140, 42  # panels in a row; [px] of a row, and of a tile in it
@@ -266,9 +263,9 @@ def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
         title |= {"tickvals": [*scale.ticks], "ticktext": texts}
     low, high = scale.ends or reach_of(drawing, letter)
     if scale.log:
-        room, apart = (LOG_ROOM, 1.5) if letter == "x" else (1.0, 0.5)
+        room = max(LOG_ROOM, (high / low) ** (2 * DODGE)) if letter == "x" else 1.0
         beyond = drawing.beyond(drawing.panels) if scale is drawing.values else (False, False)
-        return decades_axis(low / room, high * room, scale, beyond, apart) | title
+        return decades_axis(low / room, high * room, scale, beyond, TICKS_APART[letter]) | title
     if not scale.ends and not scale.ticks:
         return {"rangemode": "tozero"} | title
     room = 0.04 * ((high - low) or 1.0)
