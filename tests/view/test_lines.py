@@ -166,7 +166,8 @@ def test_a_legend_is_no_wider_than_the_figure(entries, width):
 def test_more_colours_than_a_palette_has_are_a_scale():
     """Numbers of many values are told apart by a scale of colours and by markers."""
     many = hue_looks(list(range(1, 11)))
-    assert len({str(each.color) for each in many}) == len({each.marker for each in many}) == 10
+    assert len({str(each.color) for each in many}) == 10
+    assert len({each.marker for each in many}) == len(MARKERS)
     cells = study_cells(**{"attack.magnitude": list(range(1, 13)), "attack.frequency": [1.0, 2.0]})
     axes = choose_axes(cells, x="attack.frequency", hue="attack.magnitude")
     page = plotted(swept_drawing(numbered(cells), axes, cells))
