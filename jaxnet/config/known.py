@@ -70,7 +70,8 @@ def explain(error: ErrorDetails, data: Plain) -> str:
         root, *inside = name.split(".")
         if inside and len(location) == 1 and root in Config.model_fields:
             nested = f"{root}: {{{': {'.join(inside)}: …{'}' * len(inside)}"
-            return f"dotted keys stand in sweep, labels, search.over and on the command line: give {nested}"
+            places = "sweep, labels, search.over and on the command line"
+            return f"dotted keys stand in {places}: give {nested}"
         return renamed or value_message(error) + suggestion(name, keys_beside(location, data))
     if kind == "kind_name":
         name = given.get("kind") if isinstance(given, dict) else given

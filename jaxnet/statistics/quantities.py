@@ -35,6 +35,7 @@ from jaxnet.statistics.summary import (
     share_names,
     unsettled_shares,
 )
+from jaxnet.statistics.tiles import lost_name, share_lost
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
@@ -43,6 +44,7 @@ LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
 SPREAD_WORDS = f"spread: {SPREAD.words}"
 TITLES = {"tail_mean": "error", "tail_max": "worst vehicle"}  # of metrics, if not their names
 FORMATION_NOTE = "errors, spread and outside leave out the vehicles' places in the formation"
+MOST_UNENDED = 3  # choices of cells without a lane
 VALUE_COLUMNS = ["value", "low", "high"]
 
 
@@ -61,6 +63,7 @@ class Quantity(NamedTuple):
     values: pd.DataFrame
     note: str = ""  # what the words leave open
     lanes: Sequence[int] = ()  # of each cell with a value
+    unended: Sequence[int] = ()  # cells without a value, for none of their lanes ended
 
     @property
     def known(self) -> Float[np.ndarray, " known"]:
@@ -132,7 +135,11 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     if name in asked_shares(study, cells):
         share, sure = lane_shares(study)[name], confidence_told(study.samples)
         words, values = f"lanes {share.words(cells)}", 100 * stored_values(table, share_names(name))
-        found = Quantity(name, words, "%", True, sure, values, share.note(study, cells))
+        note = share.note(study, cells)
+        if name == "unrecovered" and any(table["failed"]):
+            of, words, note = "lanes", f"lanes {lost_name(results)}", f"{note}, or failed"
+            values = (100 * share_lost(results).loc[table.index]).set_axis(VALUE_COLUMNS, axis=1)
+        found = Quantity(name, words, "%", True, sure, values, note)
     elif name == "failed":
         of, values = "lanes", 100 * share_failed(table)
         found = Quantity(name, "lanes failed", "%", True, CONFIDENCE, values)
@@ -148,7 +155,9 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     found = found._replace(note=note)
     sizes = cell_magnitudes(results)[found.values.index] if found.unit == "m" else 0.0
     found = found._replace(values=found.values.assign(size=sizes))
-    return found._replace(lanes=table.loc[values["value"].dropna().index, of].tolist())
+    known = table.index.isin(values["value"].dropna().index)
+    unended = table.index[~known & (table["ok"] == 0)].tolist()
+    return found._replace(lanes=table.loc[known, of].tolist(), unended=unended)
 
 
 def unended_words(results: Results, cells: Sequence[Cell]) -> str:
@@ -163,6 +172,7 @@ def unended_words(results: Results, cells: Sequence[Cell]) -> str:
 
     def told(words: str, some: Sequence[Cell]) -> str:
         where = choices_words([cell.labels for cell in some], [cell.labels for cell in cells])
+        where[MOST_UNENDED:] = ["…"] * (len(where) > MOST_UNENDED)
         why = sum((kinds.get(cell.number, Counter()) for cell in some), Counter[str]())
         return f"{words}: {' / '.join(where)} ({counted(why)})"
 

@@ -1,12 +1,14 @@
 """Figures say what they show: axes with units, a legend, every cell, nothing over the edge."""
 
 import itertools
+import re
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.colors import to_rgba
 from matplotlib.image import imread
 from upath import UPath
 
@@ -15,6 +17,8 @@ from jaxnet.api import writing
 from jaxnet.config.scenario import situation_of
 from jaxnet.statistics.bands import error_bands
 from jaxnet.statistics.groups import Group, scenes
+from jaxnet.statistics.quantities import quantity_of
+from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 from jaxnet.view.drawings import spreads
@@ -123,15 +127,60 @@ def test_a_curve_warns_as_the_terminal_does(results):
 
 
 def test_topologies(results):
-    """An arrow for every link, in the attack's look where the link is attacked."""
+    """An arrow for every link, in the attack's look where the link is attacked.
+
+    Links there and back are one arrow of two heads if they look alike: four pairs of honest ones.
+    """
     star, cyclic = results.plot.topologies().axes
     weights = "weights: neighbours 0.45, navigator 0.1"
     titles = ["star\nweights: navigator 1", f"cyclic\n{weights}"]
     given = [axes.get_title().replace(",\n", ", ") for axes in (star, cyclic)]
     assert given == titles
     attacked = [[patch.get_linestyle() != "-" for patch in axes.patches] for axes in (star, cyclic)]
-    assert [(len(each), sum(each)) for each in attacked] == [(12, 4), (36, 8)]
+    assert [(len(each), sum(each)) for each in attacked] == [(12, 4), (32, 8)]
     assert {text.get_text() for text in cyclic.texts} == {*map(str, range(13))}
+
+
+def test_lanes_that_failed_are_seen(tmp_path):
+    """A curve counts them as a heat map does; where none ended an error is a cross at the top."""
+    keys = {"horizon": 1.0, "tail": 0.5, "samples": 3, "topology": "path"}
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 5]}
+    study = systems.study(engine="exact", sweep=sweep, recovery={"tau": 0.01}, **keys)
+    results = jaxnet.run(study, tmp_path / "out", progress=False)
+    assert results.cells["ok"].tolist() == [3, 3, 0, 0]
+    found = quantity_of(results, results.study.cells, "unrecovered")
+    assert found.values["value"].tolist() == (100 * share_lost(results)["unrecovered"]).tolist()
+    assert found.values["value"].tolist()[2:] == [100.0, 100.0]
+    assert (found.words, found.lanes) == ("lanes failed or unrecovered", [3] * 4)
+    assert "ā, or failed" in plain(found.notes)
+    for name, options in (("curve", {"y": "tail_mean"}), ("tails", {})):
+        figure = results.figure(name, **options)
+        crosses = [line for line in figure.axes[0].lines if line.get_marker() == "x"]
+        ends = {"curve": figure.axes[0].get_ylim(), "tails": figure.axes[0].get_xlim()}[name]
+        of = "get_ydata" if name == "curve" else "get_xdata"
+        at = np.concatenate([getattr(line, of)() for line in crosses])
+        assert len(at) == 2
+        assert (at >= ends[1] / 1.6).all()
+        assert [each.get_text() for each in figure.legends[0].get_texts()][-1] == "no lane ended"
+    page = sections.answer_section(results).body
+    assert "x-thin-open" in page
+    assert '"name":"no lane ended"' in page
+
+
+def test_links_of_the_navigator_stand_out():
+    """In a complete graph: dark, in front of the others, and in the legend."""
+    cells = systems.study(topology="complete", defence="none", attack="none").cells
+    drawn = topology.topology_figure(cells)
+    assert [each.get_text() for each in drawn.legends[0].get_texts()[1:]] == [
+        "link of the navigator",
+        "other link",
+    ]
+    dark = to_rgba(topology.LINK_LOOKS["link of the navigator"]["color"])
+    front = {True: set(), False: set()}
+    for patch in drawn.axes[0].patches:
+        front[patch.get_edgecolor() == dark].add(patch.get_zorder())
+    assert len(drawn.axes[0].patches) == 12 + 12 * 11 // 2
+    assert min(front[True]) > max(front[False])
 
 
 def test_tails_are_rows_of_dots(results):
@@ -259,7 +308,8 @@ def test_cells_without_a_lane_that_ended_are_told_beside_errors_over_time(tmp_pa
     figure = results.plot.bands()
     assert words in figure.get_supxlabel().replace("\n", " ")
     assert [text.get_text() for axes in figure.axes for text in axes.texts] == ["no lane ended"]
-    assert words in sections.bands_section(results).body
+    body = re.sub("<[^>]*>", "", sections.bands_section(results).body)
+    assert words in body
     with pytest.raises(FolderError, match="no lane of these cells came to its end"):
         results.plot.bands({"defence": "w_msr"})
 

@@ -24,7 +24,6 @@ from jaxnet.view.drawings.drawing import (
     Panel,
     Scale,
     Trace,
-    moved_sideways,
 )
 from jaxnet.view.drawings.swept import hue_looks, swept_drawing
 from jaxnet.view.drawings.ultimate import BOUND_LOOKS, FITS
@@ -60,19 +59,6 @@ def numbered(cells, share=True):
     ends = {"low": np.maximum(numbers - 2, 0), "high": numbers + 1}
     values = pd.DataFrame({"value": numbers, **ends})
     return Quantity("unrecovered", "lanes unrecovered", "%" if share else "m", share, 0.95, values)
-
-
-def test_points_are_shifted_no_more_than_they_must_be():
-    """Marks on one another by DODGE of the axis, marks of which only the bars overlap by half."""
-    x, y = Scale("ā", (1.0, 100.0), log=True, ticks=[1.0, 10.0, 100.0]), Scale("error", (0.0, 1.0))
-    for second, width in ((0.51, DODGE), (0.6, DODGE / 2), (0.9, 0.0)):
-        heights = {"one": 0.5, "two": second}
-        series = [
-            Trace(name, LOOKS[0], np.array([10.0]), at, "points", at - 0.15, at + 0.15)
-            for name, at in ((name, np.array([at])) for name, at in heights.items())
-        ]
-        one, two = (x.part(each.drawn_x)[0] for each in moved_sideways(series, x, y))
-        assert two - one == pytest.approx(width, abs=1e-12)
 
 
 RATES, RULES = {"attack.frequency": [0.1, 0.3, 1.0]}, ["none", "w_msr", "ms_norm", "trust"]
@@ -180,7 +166,8 @@ def test_a_legend_is_no_wider_than_the_figure(entries, width):
 def test_more_colours_than_a_palette_has_are_a_scale():
     """Numbers of many values are told apart by a scale of colours and by markers."""
     many = hue_looks(list(range(1, 11)))
-    assert len({str(each.color) for each in many}) == len({each.marker for each in many}) == 10
+    assert len({str(each.color) for each in many}) == 10
+    assert len({each.marker for each in many}) == len(MARKERS)
     cells = study_cells(**{"attack.magnitude": list(range(1, 13)), "attack.frequency": [1.0, 2.0]})
     axes = choose_axes(cells, x="attack.frequency", hue="attack.magnitude")
     page = plotted(swept_drawing(numbered(cells), axes, cells))
@@ -254,28 +241,17 @@ def test_labels_of_ticks_have_the_digits_that_fit(values, log, room, texts):
     assert value_ticks(Scale("", log=log, ticks=values), room) == texts
 
 
-@pytest.mark.parametrize(("apart", "moved"), [(0.0, True), (2.5, True), (10.0, False)])
 @pytest.mark.parametrize("log", [False, True])
-def test_points_are_moved_only_where_they_would_hide_one_another(apart, moved, log):
-    """At the frequency where two of three curves overlap, and nowhere else; a note says it."""
+def test_curves_stand_side_by_side(log):
+    """As far apart at each value, around it, at DODGE of the axis; a note says it."""
     cells = study_cells(**RATES | {"defence": RULES[:3]})
-    found = numbered(cells)
-    value = {"none": 20.0, "w_msr": 45.0, "ms_norm": 70.0}
-    values = np.array([value[cell.labels["defence"]] for cell in cells])
-    rates = np.array([cell.labels["attack.frequency"] for cell in cells])
-    there = np.array([cell.labels["defence"] for cell in cells]) == "w_msr"
-    values[there & (rates == 0.3)] = 20.0 + apart
-    table = pd.DataFrame({"value": values, "low": values - 2.0, "high": values + 2.0})
-    found = found._replace(values=table, share=not log, unit="" if log else "%")
-    if log:
-        found = found._replace(values=10 ** (table / 10))
+    found = numbered(cells)._replace(share=not log, unit="" if log else "%")
     drawing = swept_drawing(found, choose_axes(cells), cells)
     none, w_msr, ms_norm = (np.asarray(each.drawn_x) for each in drawing.panels[0].series)
-    assert ms_norm.tolist() == [0.1, 0.3, 1.0]
-    assert (none[1] < 0.3 < w_msr[1]) if moved else (none[1] == w_msr[1] == 0.3)
-    assert none[::2].tolist() == w_msr[::2].tolist() == [0.1, 1.0]
-    told = printed(drawing).get_supxlabel().replace("\n", " ")
-    assert (MOVED_NOTE in told) == moved
+    np.testing.assert_allclose(w_msr, [0.1, 0.3, 1.0])
+    np.testing.assert_allclose(ms_norm / w_msr, 10**DODGE)
+    np.testing.assert_allclose(none / w_msr, 10**-DODGE)
+    assert MOVED_NOTE in printed(drawing).get_supxlabel().replace("\n", " ")
 
 
 def test_points_at_zero_are_moved_too():
@@ -342,20 +318,20 @@ def test_what_is_below_the_floor_of_a_log_axis_is_drawn_there():
     found = numbered(cells, share=False)._replace(values=values)
     drawing = swept_drawing(found, choose_axes(cells), cells)
     figure, page = printed(drawing), plotted(drawing)
-    told = "values below 1e-9 m stand at the end of the axis, hollow"
-    assert told in figure.get_supxlabel()
-    assert told.capitalize() in page
     line, hollow = (each for each in figure.axes[0].lines if each.get_marker() in MARKERS)
-    assert np.asarray(line.get_ydata()).tolist() == [8e-3, 3e-8, 1e-9]
+    np.testing.assert_array_equal(line.get_ydata(), [8e-3, 3e-8, np.nan])  # no line leads there
     assert np.asarray(hollow.get_ydata()).tolist() == [1e-9]
     assert hollow.get_markerfacecolor() == "white"
+    assert dict(ticks_of(figure.axes[0].yaxis))[1e-9] == r"≤ $\mathdefault{10^{-9}}$"
     (shown,) = re.findall(r'<script type="application/json">(.*?)</script>', page)
-    (trace,) = json.loads(shown)["data"]
-    assert trace["y"] == [8e-3, 3e-8, 1e-9]
-    assert trace["marker"]["symbol"] == ["circle", "circle", "circle-open"]
+    trace, hollow = json.loads(shown)["data"]
+    assert (trace["y"], hollow["y"]) == ([8e-3, 3e-8, None], [1e-9])
+    assert (trace["mode"], hollow["mode"]) == ("lines+markers", "markers")
+    assert (trace["marker"]["symbol"], hollow["marker"]["symbol"]) == ("circle", "circle-open")
+    assert "≤ 10<sup>−9</sup>" in json.loads(shown)["layout"]["yaxis"]["ticktext"]
     above = found._replace(values=values.replace(1e-12, 1e-8))
     drawn = printed(swept_drawing(above, choose_axes(cells), cells))
-    assert "end of the axis" not in drawn.get_supxlabel()
+    assert not any("≤" in label for _, label in ticks_of(drawn.axes[0].yaxis))
 
 
 def test_a_lost_fleet_does_not_flatten_the_others():
@@ -369,16 +345,13 @@ def test_a_lost_fleet_does_not_flatten_the_others():
     panel = figure.axes[0]
     assert drawing.y.ends == (0.1, 1500.0)
     line, hollow = (each for each in panel.lines if each.get_marker() == "o")
-    assert np.asarray(line.get_ydata()).tolist() == [0.3, 30.0, 1000.0]
+    np.testing.assert_array_equal(line.get_ydata(), [0.3, 30.0, np.nan])
+    assert [label for _, label in ticks_of(panel.yaxis)][-1] == r"≥ $\mathdefault{10^{3}}$"
     assert np.asarray(hollow.get_ydata()).tolist() == [1000.0]
     assert arrows_of(panel) == {"v": [0.1], "^": [1000.0]}
-    told = "values above 1e3 m stand at the end of the axis, hollow"
-    assert told in figure.get_supxlabel().replace("\n", " ")
-    assert told.capitalize() in page
     (shown,) = re.findall(r'<script type="application/json">(.*?)</script>', page)
-    trace, *_ = json.loads(shown)["data"]
-    assert trace["y"] == [0.3, 30.0, 1000.0]
-    assert "4e+09" in trace["text"][2]  # what a point tells is the number itself
+    _, lost, *_ = (each for each in json.loads(shown)["data"] if "text" in each)
+    assert "4e+09" in lost["text"][0]  # what a point tells is the number itself
 
 
 @pytest.mark.parametrize(
@@ -395,6 +368,12 @@ def test_an_axis_of_values_has_eight_decades_at_most(values, ends):
     """Powers of ten with a decade of room for what is beyond, within those around all values."""
     scale = Scale("", log_ends(values), log=True).cut(values)
     assert scale.ends == pytest.approx(ends)
+
+
+def ticks_of(axis) -> list[tuple[float, str]]:
+    """Places and names of the ticks of an axis, from the least."""
+    names = (label.get_text() for label in axis.get_ticklabels())
+    return sorted(zip(axis.get_ticklocs(), names, strict=True))
 
 
 def arrows_of(panel) -> dict[str, list[float]]:
@@ -426,8 +405,14 @@ def test_bars_show_both_ends_or_that_they_go_on(low, high, arrows):
     bars, *marks = json.loads(page)["data"]
     sides = {"v": "triangle-down", "^": "triangle-up"}
     assert [mark["marker"]["symbol"] for mark in marks] == [sides[each] for each in arrows]
-    assert (value - bars["error_y"]["arrayminus"] >= 1.0).all()
-    assert (value + bars["error_y"]["array"] <= 10.0).all()
+    below, above = (np.array(bars["error_y"][name], float) for name in ("arrayminus", "array"))
+    assert (
+        np.isnan(below).tolist()
+        == np.isnan(above).tolist()
+        == (np.isnan(low) & np.isnan(high)).tolist()
+    )
+    assert np.fmin(value - below, 1.0).min() == 1.0
+    assert np.fmax(value + above, 10.0).max() == 10.0
 
 
 def test_a_bar_of_rounding_does_not_leave_the_axis():
@@ -448,6 +433,7 @@ def test_a_narrow_title_breaks_no_word_that_fits():
         ("loss of 30 % lost", 11, ["loss of", "30 % lost"]),
         ("defence W-MSR F=2", 11, ["defence", "W-MSR F=2"]),
         ("tail: the last 5 s", 16, ["tail: the last", "5 s"]),
+        ("mean error of the fleet [m]", 23, ["mean error of the", "fleet [m]"]),
         ("a look-ahead-vehicle", 8, ["a look-", "ahead-", "vehicle"]),  # longer than a line
     ],
 )
@@ -470,5 +456,9 @@ def test_labels_of_axes_do_not_touch_in_larger_type():
                 most=2,
             )
             drawn.draw_without_rendering()
-            left, right = (panel.xaxis.label.get_window_extent() for panel in panels)
-            assert left.x1 < right.x0
+            (only,) = (each.xaxis.label for each in panels if each.get_xlabel())
+            box, (left, right) = only.get_window_extent(), [each.bbox for each in panels]
+            assert drawn.bbox.x0 <= box.x0
+            assert box.x1 <= drawn.bbox.x1
+            middle = (left.x0 + right.x1) / 2  # between the two
+            assert (box.x0 + box.x1) / 2 == pytest.approx(middle, abs=0.05 * drawn.bbox.width)

@@ -691,9 +691,8 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     zero = "0 (rounding)"
     told_each = [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
     assert [row[6].split(" <")[0] for row in shown] == told_each
-    assert "Errors below 1e-9 ā (1e-9 m without an attack) are shown as 0." in section(
-        text, "summary"
-    )
+    told = re.sub("<[^>]*>", "", section(text, "summary")).replace("\N{NO-BREAK SPACE}", " ")
+    assert "Errors below 1e-9 ā (1e-9 m without an attack) are shown as 0." in told
     assert [row[5] for row in shown][:3] == [zero] * 3
     assert rows_of(section(text, "summary"))[0][5] == 2e-10
     star, ring = cells_of(section(text, "ultimate"))
@@ -954,6 +953,18 @@ def test_many_notes_on_the_columns_are_folded(folder, monkeypatch):
         monkeypatch.setattr(tables, "summary_notes", lambda *_, many=many: ["a note"] * many)
         body = sections.summary_section(results).body
         assert ("<details><summary>Notes on the columns" in body) == (many == 7)
+
+
+def test_a_report_of_one_cell_draws_no_curve_of_one_point(tmp_path):
+    study = systems.study(engine="exact", samples=2, horizon=1.0, tail=0.5)
+    results = jaxnet.run(study, tmp_path / "out", progress=False)
+    drawn = {file.stem for file in every.draw_figures(results, ("curve", "tails"))}
+    assert drawn == {"tails"}
+
+
+def test_no_line_of_a_note_ends_within_a_number():
+    told = elements.notes_html(["by over 1e-08 m"])
+    assert '<span style="white-space: nowrap">1e-08</span>\N{NO-BREAK SPACE}m.' in told
 
 
 def test_titles_on_the_page_keep_names_and_units_on_a_line():

@@ -18,10 +18,10 @@ def test_a_plain_study_is_told_by_names():
     assert rows(engine="exact") == {
         "vehicles": "12, two-wheeled",
         "topology": "cyclic",
-        "navigator": "Lissajous curve",
+        "navigator": "Lissajous curve, frequency = 0.2, 0.4 rad/s, phase = 0, 0 rad",
         "initial position": "uniform -200 to 200 m",
         "gain": "1, 3, 3",
-        "attack": "rotating",
+        "attack": "rotating, frequency = 0.7 rad/s, phase = uniform 0 to 6.283 rad",
         "attacked signals": "what vehicles 2, 5, 8, 11 transmit",
         "magnitude ā": "5 m",
         "defence": "trusted trimming, ϑ = 1",
@@ -40,7 +40,7 @@ def test_each_swept_key_has_its_values_and_unit():
     }
     told = rows(attack={"vehicles": {"random": 1}}, sweep=sweep)
     assert told["defence"] == "none; W-MSR, F = 1"
-    assert told["attack"] == "rotating"
+    assert told["attack"] == "rotating, phase = uniform 0 to 6.283 rad"
     assert told["magnitude ā"] == "0, 3 m"
     assert told["attack frequency"] == "1, 2, 3, 4, 5, 6, 7, 8, … rad/s"
     assert told["attacked vehicles"] == "1, 2"

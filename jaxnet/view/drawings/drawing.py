@@ -3,7 +3,7 @@
 `figures.printed` makes a matplotlib figure of it, `page.plots` makes plotly figures.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -17,15 +17,16 @@ from jaxnet.view.figures import style
 
 MOST_NOTED = 3  # choices of panels by a note
 MOST_BARS = 24  # points of a line that have error bars; more have a band
-DODGE, MARK = 0.025, 0.02  # of the axis: between marks side by side; half of a mark
+DODGE = 0.025  # of the axis, between marks side by side
 MOST_DECADES = 6  # of values that a log axis shows, and one at either end for what is beyond
 ROOM_ABOVE = 1.5  # of its top, to the end of an axis that is cut
 LONE_REACH = 100.0  # of a log axis with one value, its ends' ratio
+POINTWISE = ("x", "y", "low", "high", "cells", "apart", "sizes")  # of a series
 BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
 BOUNDS_TOLD = "coloured lines: bounds of theory"
 FITS_TOLD = "grey lines, at a height s: error = s ā, fitted to the lanes"
-MOVED_NOTE = "points that would hide one another are shifted sideways"
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
+MOVED_NOTE = "points at one value stand side by side"
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
 class Look(NamedTuple):
@@ -94,6 +95,9 @@ class Tiles(NamedTuple):
     told: Any
 
 
+Beyond = tuple[bool, bool]  # whether values beyond a log axis stand at its floor, and at its top
+
+
 class Scale(NamedTuple):
     """An axis. Names stand at 0, 1, …, on y from the top; `ticks` where there is room for them.
 
@@ -134,25 +138,34 @@ class Scale(NamedTuple):
         top = float(10.0 ** (np.ceil(kept.max()) + 1))
         return self._replace(ends=(low, min(high, ROOM_ABOVE * top)), floor=low, top=top)
 
+    @property
+    def last(self) -> float:
+        assert self.ends is not None
+        return min(self.ends[1], self.top)
+
     def within(self, values: Any) -> Any:
         """Values as a log axis shows them."""
         if values is None or not self.log:
             return values
         return np.clip(values, self.floor, self.top)
 
-    def part(self, values: Any) -> Any:
-        """Where values stand between the ends of the axis, 0 to 1."""
-        assert self.ends is not None
-        low, high, values = (self.within(each) for each in (*self.ends, values))
-        if self.log:
-            low, high, values = np.log(low), np.log(high), np.log(values)
-        return (values - low) / ((high - low) or 1.0)
-
     def is_beyond(self, values: Any) -> tuple[Any, Any]:
         """Which values a log axis shows at its floor, and which at its top."""
         values = np.asarray(values, float)
         low = (values < self.floor) | (values <= LOG_FLOOR)
         return self.log & low, self.log & (values > self.top)
+
+    def named_ticks(
+        self, places: Iterable[float], named: Callable[[float], str], beyond: Beyond, apart: float
+    ) -> dict[float, str]:
+        """Names of ticks of a log axis; an end says so if values beyond it stand there.
+
+        Ticks nearer to such an end than `apart` decades go.
+        """
+        ends = zip((self.floor, self.top), beyond, "≤≥", strict=True)
+        told = {end: f"{sign} {named(end)}" for end, there, sign in ends if there}
+        kept = (at for at in places if all(abs(np.log10(at / end)) > apart for end in told))
+        return {at: named(at) for at in kept} | told
 
     def bars(self, low: Any, value: Any, high: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
         """Lower and upper ends of error bars within the axis, and which bars go on beyond it.
@@ -169,47 +182,17 @@ class Scale(NamedTuple):
         return (self.within(low), self.within(high)), (below, above)
 
 
-def moved_sideways(series: Sequence[Trace], x: Scale, y: Scale) -> list[Trace]:
-    """Series of a panel; points at one x whose marks or error bars overlap are moved sideways."""
+def moved_sideways(series: Sequence[Trace], x: Scale) -> list[Trace]:
+    """Series of a panel whose points and error bars at one x stand side by side."""
     if len(series) < 2 or not x.ticks or not all(each.barred for each in series):
         return [*series]
-    points = dict[float, list[tuple[float, float, int, int]]]()
-    heights = [y.part(each.y) for each in series]
-    for number, (each, at) in enumerate(zip(series, heights, strict=True)):
-        (low, high), _ = y.bars(each.low, each.y, each.high)
-        ends = np.fmin(y.part(low), at - MARK), np.fmax(y.part(high), at + MARK)
-        for place, (at, first, last) in enumerate(zip(each.x, *ends, strict=True)):
-            if np.isfinite([first, last]).all():
-                points.setdefault(float(at), []).append((first, last, number, place))
-    steps = [np.zeros(len(each.x)) for each in series]
-    for here in points.values():
-        for group in overlapping(here):
-            beside = sorted(group, key=lambda one: one[2])
-            rises = np.diff([heights[number][point] for _, _, number, point in beside])
-            far = 1.0 if (abs(rises) < 2 * MARK).any() else 0.5  # of bars that alone overlap
-            for place, (_, _, number, point) in enumerate(beside):
-                steps[number][point] = far * (place - (len(group) - 1) / 2)
-    most, first, last = min(DODGE, 0.6 / len(x.ticks) / len(series)), x.ticks[0], x.ticks[-1]
-    found = []
-    for each, step in zip(series, (most * step for step in steps), strict=True):
-        if x.log:
-            apart = each.x * (last / first if last > first else LONE_REACH) ** step
-        else:
-            apart = each.x + (last - first) * step
-        found.append(each._replace(apart=apart) if step.any() else each)
-    return found
-
-
-def overlapping(spans: Iterable[tuple[float, float, int, int]]) -> Iterator[list[Any]]:
-    """Yield groups of spans, each from its first to its second number, that overlap."""
-    group, top = list[Any](), -np.inf
-    for span in sorted(spans):
-        if span[0] > top:
-            yield group
-            group = []
-        group.append(span)
-        top = max(top, span[1])
-    yield group
+    first, last = x.ticks[0], x.ticks[-1]
+    steps = np.arange(len(series)) - (len(series) - 1) / 2
+    steps *= min(DODGE, 0.6 / len(x.ticks) / len(series))
+    reach = (last / first if last > first else LONE_REACH) if x.log else last - first
+    moves = [each.x * reach**step if x.log else each.x + reach * step
+             for each, step in zip(series, steps, strict=True)]  # fmt: skip
+    return [each._replace(apart=at) for each, at in zip(series, moves, strict=True)]
 
 
 class Panel(NamedTuple):
@@ -242,10 +225,34 @@ class Drawing(NamedTuple):
     colours: Scale | None = None  # of tiles
     blank: str = ""  # why tiles have no number
 
-    def told(self, panels: Sequence[Panel]) -> list[str]:
-        """The notes, those on these panels, and how points were moved and low values are drawn."""
+    @property
+    def values(self) -> Scale:
+        return self.x if self.y.names else self.y
+
+    def parted(self, series: Trace) -> list[Trace]:
+        """The points within the axis, and apart, hollow, those beyond, to which no line leads."""
+        values = np.asarray(series.x if self.y.names else series.y, dtype=float)
+        beyond = np.any(self.values.is_beyond(values), axis=0)
+        if not series.look.marker or not beyond.any():
+            return [series]
+        arrays = series._replace(sizes=np.broadcast_to(series.sizes, beyond.shape))._asdict()
+        arrays = {name: arrays[name] for name in POINTWISE if arrays[name] is not None}
+        ends = {name: np.asarray(each)[beyond] for name, each in arrays.items()}
+        ends |= {"form": "points", "look": series.look._replace(hollow=True)}
+        within = {"x" if self.y.names else "y": np.where(beyond, np.nan, values)}
+        return [series._replace(**within), series._replace(**ends)]
+
+    def beyond(self, panels: Sequence[Panel]) -> Beyond:
         series = [each for panel in panels for each in panel.series if each.form != "slope"]
-        scale, named = self.x if self.y.names else self.y, dict[str, list[Mapping[str, Label]]]()
+        shown = [each.x if self.y.names else each.y for each in series]
+        shown += [end for each in series if not each.barred for end in (each.low, each.high)]
+        sides = [self.values.is_beyond(each) for each in shown if each is not None]
+        return any(np.any(low) for low, _ in sides), any(np.any(high) for _, high in sides)
+
+    def told(self, panels: Sequence[Panel]) -> list[str]:
+        """The notes, those on these panels, and how points were moved."""
+        series = [each for panel in panels for each in panel.series if each.form != "slope"]
+        scale, named = self.values, dict[str, list[Mapping[str, Label]]]()
         for panel in panels:
             named.setdefault(panel.note, []).append(panel.labels)
         notes = []
@@ -259,16 +266,7 @@ class Drawing(NamedTuple):
         found += [*self.notes, *notes]
         found += [MOVED_NOTE] * any(each.apart is not None for each in series)
         middle = [each.x if self.y.names else each.y for each in series]
-        ends = [end for each in series if not each.barred for end in (each.low, each.high)]
         bars = zip(series, middle, strict=True)
         if any(np.any(scale.bars(each.low, at, each.high)[1]) for each, at in bars if each.barred):
             found.append(BEYOND_NOTE)
-        beyond = [scale.is_beyond(each) for each in (*middle, *ends) if each is not None]
-        words = [f"below {scale.floor:g}"] * any(low.any() for low, _ in beyond)
-        words += [f"above {scale.top:.0e}"] * any(high.any() for _, high in beyond)
-        if words:
-            told = " or ".join(words).replace("e-0", "e-").replace("e+0", "e")
-            marked = [at for each, at in zip(series, middle, strict=True) if each.look.marker]
-            hollow = ", hollow" * any(np.any(scale.is_beyond(at)) for at in marked)
-            found.append(f"values {told} {scale.unit} stand at the end of the axis{hollow}")
         return found

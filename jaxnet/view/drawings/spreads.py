@@ -44,6 +44,7 @@ DOT, MIDDLE = Look(style.SKY, marker=".", size=3), Look(style.BLACK, marker="D",
 VEHICLE = Look(style.BLACK, marker="o", size=3)
 ATTACKED_VEHICLE = Look(style.ORANGE, marker="s", size=4)
 VEHICLE_RANGE, VEHICLE_MAXIMUM = Look(style.SKY, width=3), Look(style.GREY, marker="_", size=5)
+UNENDED = Look(style.BLACK, marker="x", size=5)
 LIMIT = Look(style.RED, (4, 1.5), width=0.8)
 
 
@@ -75,14 +76,19 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
             Trace("", DOT, dots, row + jitter, "points"),
             Trace("", MIDDLE, median, np.array([row]), "points", low, high),
         ]
-    panels = [Panel(*each, "" if each[-1] else NO_LANE) for each in panels]
     titles, common = distinct_titles(labels)
     many = max(results.samples) > MOST_DOTS
     dot = f"{MOST_DOTS:,} dots evenly by rank" if many else "one dot per lane"
     notes = [common, f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
     notes.append(unended_words(results, cells))
-    dots = [each.x for panel in panels for each in panel.series] or [[]]
+    dots = [each.x for *_, drawn in panels for each in drawn] or [[]]
     x = Scale(JUDGED_WORDS[metric], log_ends(*dots), log=True).cut(*dots)
+    ok = results.cells["ok"].to_numpy()
+    for _, mine, drawn in panels:
+        rows_lost = np.flatnonzero(ok[mine] == 0)
+        ends = np.full(len(rows_lost), x.last)
+        drawn += [Trace(NO_LANE, UNENDED, ends, rows_lost, "points")] * bool(len(rows_lost))
+    panels = [Panel(*each) for each in panels]
     y = Scale("", names=titles, labels=labels)
     return Drawing(panels, x, y, notes, there=(there, "cells"), where="lanes/")
 

@@ -26,6 +26,7 @@ from jaxnet.statistics.quantities import VALUE_COLUMNS, Quantity, asked_quantity
 from jaxnet.store.results import Results
 from jaxnet.view.drawings import drawing
 from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.words import NO_LANE
 
 ROW_SHARE = 0.7  # of a named row, that its colours take
 
@@ -45,7 +46,7 @@ def answers(results: Results, cells: Sequence[Cell]) -> list[Quantity]:
 def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing:
     x, values = axes.x, ordered_values(cells, axes.x)
     numbers = x is not None and on_a_scale(values)
-    there = found.values["value"].dropna().index
+    there = {*found.values["value"].dropna().index, *found.unended}
     if x is not None and numbers:  # an axis without the values of which nothing is known
         known = {cell.labels[x] for cell in cells if cell.number in there}
         values = [value for value in values if value in known]
@@ -59,7 +60,7 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
                  labels=labels)  # fmt: skip
     shown = Scale(found.axis, found.ends, found.log, found.share).cut(found.known)
 
-    def series(place: int, mine: Sequence[Cell]) -> Trace:
+    def series(place: int, mine: Sequence[Cell]) -> list[Trace]:
         labels = [cell.labels[x] if x else 0 for cell in mine]
         at: list[Any] = labels if numbers or not x else [*map(values.index, labels)]
         order = np.argsort(at, kind="stable")
@@ -69,18 +70,27 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         where = np.array(at, dtype=float)[order]
         shift = ROW_SHARE * ((place + 0.5) / len(looks) - 0.5)
         points = (where, value, "both") if numbers else (value, where + shift, "points")
-        return Trace(names[place], looks[place], *points, low, high, about, sizes=sizes)
+        seen = Trace(names[place], looks[place], *points, low, high, about, sizes=sizes)
+        lost = np.isin(about, found.unended)
+        where, ends = where[lost], np.full(lost.sum(), shown.last)
+        points = (where, ends) if numbers else (ends, where + shift)
+        look, unknown = looks[place]._replace(marker="x", size=5), np.nan * ends
+        crosses = Trace(
+            NO_LANE, look, *points, "points", unknown, unknown, np.array(about)[lost].tolist()
+        )
+        return [seen, *[crosses] * bool(lost.any())]
 
     panels = []
     for labels, mine in panels_of(cells, axes):
         numbers_of = [cell.number for cell in mine]
         drawn = [
-            series(place, each)
+            trace
             for place, each in enumerate(by_hue(mine, axes, hues))
-            if there.isin([cell.number for cell in each]).any()
+            if there & {cell.number for cell in each}
+            for trace in series(place, each)
         ]
         if numbers:
-            drawn = drawing.moved_sideways(drawn, across, shown)
+            drawn = drawing.moved_sideways(drawn, across)
         words = "" if drawn else "no value"
         panels.append(Panel(labels, numbers_of, drawn, words))
     x_scale, y_scale = (across, shown) if numbers else (shown, rows)

@@ -29,7 +29,6 @@ MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
 MOST_OF_WORST = 30.0  # times the worst error found, below which all bounds are drawn
-NARROW = "the interval of a mean may be narrower than its mark"
 NO_INTERVAL = "some means have no interval: too few lanes, or a few great errors make them up"
 FEW_STATISTICS = ("q05", "median", "max")
 CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
@@ -69,13 +68,12 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     panels = []
     for curve, some in zip(found, lines, strict=True):
         within = [each for each in some if len(each.x) and y.floor <= each.y[0] <= y.top]
-        series = [*within, *lane_series(curve, metric, x, y)]
-        low = f"all errors are below {y.floor:g} ā" * (curve.worst < y.floor)
-        words = low if curve.ended.any() else NO_LANE
+        series = [*within, *lane_series(curve, metric, x)]
+        words = "" if curve.ended.any() else NO_LANE
         note = slope_note(curve, metric)
         panels.append(Panel(curve.group.labels, [*curve.group.attacked], series, words, note))
     there = [curve.group.labels for curve in found]
-    notes = [*higher_words(limits, top), NARROW]
+    notes = higher_words(limits, top)
     notes += [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
     return Drawing(panels, x, y, notes, there=(there, "groups"))
 
@@ -102,7 +100,7 @@ def lacks_interval(curve: Curve, metric: str) -> bool:
     return bool((np.isfinite(mean) & np.isnan(low)).any())
 
 
-def lane_series(curve: Curve, metric: str, x: Scale, y: Scale) -> list[Trace]:
+def lane_series(curve: Curve, metric: str, x: Scale) -> list[Trace]:
     """Mean, median, 5 to 95 % and maximum of the lanes, where any lane ended."""
     if not curve.ended.any():
         return []
@@ -111,6 +109,6 @@ def lane_series(curve: Curve, metric: str, x: Scale, y: Scale) -> list[Trace]:
     q05, median, q95, most, mean, low, high = statistics
     mean = Trace("mean, 95 % interval", MEAN, sizes, mean, "points", low, high, cells)
     median = Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, "points", q05, most, cells)
-    means, lanes = moved_sideways([mean, median], x, y)
+    means, lanes = moved_sideways([mean, median], x)
     ends = lanes._replace(name="maximum", look=MAXIMUM, y=most, low=None, high=None)
     return [means, lanes._replace(high=q95), ends]

@@ -13,7 +13,7 @@ from jaxnet.statistics.groups import Label, numeric
 
 NO_LANE = "no lane ended"
 ROUNDED = "0 (rounding)"
-BEFORE_UNIT = re.compile(r"(?<=\d) (?=[^\s\d]{1,6}(?!\S))")
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=[^\s\d]{1,6}(?!\S))| (?=\[)")
 JOINT = "\0"  # in place of such a space
 MOST_GONE = 4  # numbers of one key that are not drawn and are named
 

@@ -194,7 +194,7 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             multiples.write_note(made, multiples.escape_dollars("; ".join(filter(None, notes))))
             multiples.make_room(made)
             if asked:
-                multiples.set_size(made, asked)
+                made.set_size_inches(asked)
         if not note:
             made.supxlabel("").set_in_layout(False)
         multiples.show_unparsed(made)
@@ -367,6 +367,8 @@ def draw_figures(
     """Draw the named figures that the folder has data for; yield each file once it is written."""
     for done, name in enumerate(names):
         told("figures drawn", done, len(names))
+        if name == "curve" and len(results.study.cells) == 1:
+            continue  # one point
         try:
             drawn = getattr(Plots(results), name)()
         except (LackingError, MissingKindError):

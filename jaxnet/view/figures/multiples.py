@@ -38,6 +38,7 @@ LEGEND_LINE = 0.16  # [in]
 LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
+BETWEEN = 1.06  # of a panel, the middle between it and the next
 
 
 def sharing_first(labels: Sequence[Labels]) -> int:
@@ -59,18 +60,6 @@ def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
         return 2 * run
     parts = [columns for columns in range(2, most + 1) if run % columns == 0]
     return max(parts, default=-(-many // -(-many // most)))
-
-
-def set_size(drawn: Figure, size: tuple[float, float]) -> None:
-    """Give a figure another size [in]; lower panels with the same label share it."""
-    words = {panel.get_ylabel() for panel in drawn.axes} - {""}
-    if len(words) == 1 and size[1] < drawn.get_figheight():
-        for panel in drawn.axes:
-            panel.set_ylabel("")
-        letters = LETTERS_PER_PANEL * size[1] / type_scale("font.size") / 2
-        told = lines_within(words.pop().replace("\n", " "), letters)
-        drawn.supylabel("\n".join(told), fontsize=mpl.rcParams["axes.labelsize"])
-    drawn.set_size_inches(size)
 
 
 def log_ticks(axis: Axis) -> None:
@@ -203,20 +192,6 @@ def title_height(labels: Sequence[Labels], width: float, most: int) -> float:
     return LINE_HEIGHT * max(wrapped(t, letters).count("\n") for t in distinct_titles(labels)[0])
 
 
-def columns_of_titles(labels: Sequence[Labels], width: float) -> int:
-    """Panels in a row: fewer where titles then stay on one line and a page holds as many panels."""
-    most, run = most_in_row(labels, panels_across(width)), sharing_first(labels)
-    longest = max(map(len, distinct_titles(labels)[0]))
-    there = len(panels_fitting(labels, width, most=most))
-    for across in range(most, 0, -1):
-        across = panel_columns(labels, across)
-        is_whole = len(panels_fitting(labels, width, most=across)) == there
-        mixes = run % across and across % run
-        if is_whole and not mixes and longest <= title_letters(width, across):
-            return across
-    return most
-
-
 def panel_grid(
     labels: Sequence[Labels],
     x: str,
@@ -228,7 +203,8 @@ def panel_grid(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with a titled panel per label, at most `most` in a row, and its panels.
 
-    Titles and axis labels are wrapped to a panel's share of the width without the margin [in].
+    Titles are wrapped to a panel's share of the width without the margin [in]. An axis label stands
+    once, in the middle of the lowest row or of the left column.
     Height and margin are those for type of the style for print; larger type takes more.
     """
     size = type_scale("font.size")
@@ -245,18 +221,19 @@ def panel_grid(
         shared: Any = dict.fromkeys(("sharex", "sharey"), panels[0]) if panels else {}
         panels.append(drawn.add_subplot(grid[row, column], **shared))
     letters = title_letters(within - margin, across)
-    for unit in (" [", " / "):  # stays beside its quantity
-        x, y = (each.replace(unit, unit.replace(" ", NO_BREAK)) for each in (x, y))
-    along = LETTERS_PER_PANEL * min(1.0, height / PANEL_HEIGHT)
-    beside = y if is_math_text(y) else "\n".join(lines_within(y, along))
-    below = filled_lines(x, 0.85 * letters)
+    x, y = (each.replace(" / ", f"{NO_BREAK}/{NO_BREAK}") for each in (x, y))
+    along = LETTERS_PER_PANEL * max(min(1.0, height / PANEL_HEIGHT), rows > 1)
+    beside = y if is_math_text(y) else "\n".join(lines_within(y, along * rows))
+    lowest = panels[(rows - 1) * across :]
+    below, middle = filled_lines(x, 0.85 * letters * len(lowest)), lowest[(len(lowest) - 1) // 2]
+    middle.set_xlabel(below, x=0.5 if len(lowest) % 2 else BETWEEN)
+    panels[(rows - 1) // 2 * across].set_ylabel(beside, y=0.5 if rows % 2 else 1.0 - BETWEEN)
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
         is_lowest = place + across >= len(labels)
         panel.set_title(wrapped(named, letters), pad=3, fontsize=7.5 * size)
         panel.grid(True, color="0.92", linewidth=0.5)
         panel.set_axisbelow(True)
         panel.tick_params(labelbottom=is_lowest, labelleft=place % across == 0)
-        panel.set(xlabel=below * is_lowest, ylabel=beside * (place % across == 0))
         if is_lowest:
             panel.xaxis.set_in_layout(place // across == rows - 1)  # else a hole has room below
     return drawn, panels

@@ -34,6 +34,7 @@ MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
 LEGEND_AND_NOTES = 0.75  # [in], above and below all panels
 ERRORS_WIDTH = 1.35  # of a panel of errors, in panels of trajectories
+PLANE_ROOM = 0.4  # [in] beside a plane that is as high as its row
 ROW_LETTERS = 25  # that a line along a row's height takes
 TITLE_LETTERS = 15.5  # of a line across the page, per inch
 ERROR_SYMBOLS = {
@@ -81,10 +82,14 @@ def panels_figure(
     places = evenly_over(labels, min(MOST_A_SIDE, max(1, fitting)))
     rows = [evenly(whole[place], MOST_A_SIDE) for place in places]
     drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + LEGEND_AND_NOTES))
-    widths = [1.0] * columns if narrow else [1.0] * planes + [ERRORS_WIDTH] * errors
-    grid = GridSpec(lines * len(rows), columns, figure=drawn, width_ratios=widths)
     scenes, samples = stored_scenes(results, rows) if trajectories else ({}, {})
     box, shown = box_of([*scenes.values()]), dict[int, list[str]]()
+    along, up = (last - first for first, last in box)
+    plane = min(width / (planes + ERRORS_WIDTH), PLANE_ROOM + ROW_HEIGHT * along / up)
+    widths = [plane] * planes + [width - plane * planes] * errors
+    if narrow or not errors:
+        widths = [1.0] * columns
+    grid = GridSpec(lines * len(rows), columns, figure=drawn, width_ratios=widths)
     letters, above = iter(map(chr, range(ord("a"), ord("z")))), dict[int, str]()
     for number, row in enumerate(rows):
         spots = [grid[lines * number + n // columns, n % columns] for n in range(panels)]

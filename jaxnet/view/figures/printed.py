@@ -1,6 +1,7 @@
 """A drawing in print: a legend, small multiples, and notes below them."""
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -42,6 +43,7 @@ DIGIT_OF_TICK, DOT_OF_TICK = 0.64, 0.32  # of the size of the type, the widths o
 PANEL_FRAME = 0.55, 0.12  # [in] beside the panels of a row, and between two of them
 ROOM_FOR_TWENTIES = 1.25  # [in] of an axis of shares with ticks at 0, 20 to 100
 ROOM_OF_TICK = 0.4  # [in] for each of the round ticks
+END_ROOM = 0.4, 0.14  # [in] from the tick of an end to the next, along x and along y
 TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
 DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
 
@@ -70,7 +72,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     page = layout_of(drawing, within, legend_of(drawing.panels, drawing.key, width)[1])
     panels, rows = [drawing.panels[place] for place in page.shown], page.rows
     if rows:
-        panels = [each._replace(series=seen_series(each.series, rows)) for each in panels]
+        panels = [each._replace(series=[*seen_series(each.series, rows)]) for each in panels]
     handles, below = legend_of(panels, drawing.key, width)
     labels = [panel.labels for panel in panels]
     titles, sizes = (drawing.x.title, drawing.y.title), (page.height, page.most, page.margin)
@@ -83,8 +85,8 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + size * below))
     notes = dict.fromkeys(drawing.told(panels))
     for place, panel in zip(axes, panels, strict=True):
-        for series in panel.series:
-            draw_series(place, series, drawing.x if rows else drawing.y, bool(rows))
+        for series in itertools.chain.from_iterable(map(drawing.parted, panel.series)):
+            draw_series(place, series, drawing.values, bool(rows))
         if panel.tiles is not None and drawing.colours is not None:
             along = (within - page.margin) / across / len(drawing.x.names)
             titles = multiples.title_height(labels, within - page.margin, page.most)
@@ -92,7 +94,8 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
             if not draw_tiles(place, panel.tiles, colour_norm(drawing.colours), tile):
                 notes.setdefault(NO_ROOM)
         if panel.words:
-            place.text(0.5, 0.5, panel.words, transform=place.transAxes, ha="center", color="0.4")
+            words = multiples.wrapped(panel.words, multiples.TITLE_LETTERS_PER_INCH * room)
+            place.text(0.5, 0.5, words, transform=place.transAxes, ha="center", color="0.4")
     if rows:
         named = page.names if any(page.names) else []
         axes[0].set_yticks(range(len(named)), named)
@@ -102,6 +105,8 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     else:
         set_scale(axes[0], drawing.y, "y", page.height)
     set_scale(axes[0], drawing.x, "x", room)
+    if any(beyond := drawing.beyond(panels)):
+        mark_ends(axes[0], drawing, beyond, room if rows else page.height)
     if is_steep:
         for place in axes:
             place.tick_params(axis="x", labelrotation=90)
@@ -129,13 +134,10 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
 
 
 def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
-    """The largest tiles with which all panels fit in full rows, or else all, or else some.
-
-    Of named rows, as many as fit.
-    """
+    """The largest tiles with which most panels fit, in full rows; of named rows, as many as fit."""
     labels, names = [panel.labels for panel in drawing.panels], drawing.y.names
     if not names:
-        most = multiples.columns_of_titles(labels, width)
+        most = multiples.most_in_row(labels, multiples.panels_across(width))
         height = multiples.PANEL_HEIGHT + multiples.title_height(labels, width, most)
         return Layout(multiples.panels_fitting(labels, width, height, most), most, height)
     rows = [multiples.wrapped(name, multiples.LETTERS_PER_INCH * width / 3) for name in names]
@@ -172,19 +174,15 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     return max(found, key=worth)  # of equal ones the first, with the larger tiles
 
 
-def seen_of(series: Trace, rows: Sequence[int]) -> Trace:
-    """A series at the named rows that are drawn, at these places."""
-    row = np.rint(series.y).astype(int)
-    seen = np.isin(row, rows)
-    y = np.searchsorted(rows, row[seen]) + (series.y - row)[seen]
-    ends = [end if end is None else end[seen] for end in (series.low, series.high)]
-    return series._replace(x=series.x[seen], y=y, low=ends[0], high=ends[1])
-
-
-def seen_series(many: Sequence[Trace], rows: Sequence[int]) -> list[Trace]:
-    """The series that have points at the named rows that are drawn."""
-    seen = (seen_of(each, rows) for each in many)
-    return [each for each in seen if len(each.x)]
+def seen_series(many: Sequence[Trace], rows: Sequence[int]) -> Iterator[Trace]:
+    """Yield the series that have points at the named rows that are drawn, at these places."""
+    for each in many:
+        row = np.rint(each.y).astype(int)
+        seen = np.isin(row, rows)
+        y = np.searchsorted(rows, row[seen]) + (each.y - row)[seen]
+        low, high = (end if end is None else end[seen] for end in (each.low, each.high))
+        if seen.any():
+            yield each._replace(x=each.x[seen], y=y, low=low, high=high)
 
 
 def legend_of(
@@ -235,7 +233,7 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
     if series.barred:
         value = x if rows else y
         sides, beyond = scale.bars(series.low, value, series.high)
-        ends = np.nan_to_num(np.stack([value - sides[0], sides[1] - value]).clip(min=0))
+        ends = np.stack([value - sides[0], sides[1] - value]).clip(min=0)
         panel.errorbar(x, y, **{"xerr" if rows else "yerr": ends}, ecolor=look.color, **BAR_STYLE)
         arrow: dict[str, Any] = {"color": look.color, "markersize": 4, "clip_on": False}
         for end, there, symbol in zip(sides, beyond, "<>" if rows else "v^", strict=True):
@@ -252,16 +250,12 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
     if series.form == "level":
         panel.axhline(y[0], **line_style(look, series.form))
         return
-    if series.form == "steps":
-        panel.step(x, y, where="post", **line_style(look, series.form))
-        return
     is_mark = series.form in ("points", "both")
-    front = {"clip_on": False, "zorder": 3 - (look.marker == ".")} if is_mark else {}
+    front: dict[str, Any] = (
+        {"clip_on": False, "zorder": 3 - (look.marker == ".")} if is_mark else {}
+    )
+    front["drawstyle"] = "steps-post" if series.form == "steps" else "default"
     panel.plot(x, y, **line_style(look, series.form), **front)
-    beyond = np.any(scale.is_beyond(series.x if rows else series.y), axis=0)
-    if look.marker and beyond.any():
-        hollow = line_style(look._replace(hollow=True), "points")
-        panel.plot(np.asarray(x)[beyond], np.asarray(y)[beyond], **hollow, **front)
 
 
 def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, float]) -> bool:
@@ -324,6 +318,17 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
         axis.set_minor_locator(NullLocator())
     elif letter == "x" and not scale.log and len(scale.ticks) > MOST_VALUE_TICKS:
         axis.set_major_locator(MaxNLocator(max(2, min(8, int(room / ROOM_OF_TICK)))))
+
+
+def mark_ends(panel: Axes, drawing: Drawing, beyond: Any, room: float) -> None:
+    """Name the ends of an axis of this room [in] at which values stand that are beyond it."""
+    axis, apart = (panel.xaxis, END_ROOM[0]) if drawing.y.names else (panel.yaxis, END_ROOM[1])
+    low, high = axis.get_view_interval()
+    apart *= np.log10(high / low) / room
+    places = (at for at in axis.get_major_locator()() if low <= at <= high)
+    named: Any = axis.get_major_formatter()
+    ticks = drawing.values.named_ticks(places, named, beyond, apart)
+    axis.set_ticks([*ticks], [*ticks.values()])
 
 
 def value_ticks(scale: Scale, room: float) -> list[str]:

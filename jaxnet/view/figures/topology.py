@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from textwrap import shorten
 from typing import Any
 
@@ -14,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
 
-from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title, value_name
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.sweep import keys_in
@@ -38,6 +39,7 @@ NODE_DIAMETER = 11.0  # [pt] diameter of a node where there is room for it
 TOPOLOGY_LEGEND_HEIGHT = 0.55  # [in]
 LEAST_NUMBERED_NODE = 9.5  # [pt] diameter of a node whose number can be read
 WANTED_SPACING = 18.0  # [pt] from one node to the next that panels grow for
+LEAST_GRAPH = 108.0  # [pt] of a panel, and of its title
 NODE_IN_WAY = 0.08  # of a link's length: a node so near to it is in the way
 MOST_NAME = 16  # characters of a vehicle's name
 MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
@@ -50,13 +52,10 @@ LINK_GREYS = (0.75, 0.15)  # of one link in a bin, and of as many as any bin has
 LINK_LOOKS: dict[str, dict[str, Any]] = {
     "trusted link": {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"},
     "attacked link": {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))},
-    "other link": {"color": "0.55", "linewidth": 0.8, "linestyle": "-"},
+    "link of the navigator": {"color": "0.15", "linewidth": 1.2, "linestyle": "-", "zorder": 1.5},
+    "other link": {"color": "0.62", "linewidth": 0.7, "linestyle": "-"},
 }
-ARROW: dict[str, Any] = {
-    "arrowstyle": "-|>,head_length=3.2,head_width=1.5",
-    "mutation_scale": 1,
-    "zorder": 1,
-}
+HEAD = "|>,head_length=3.2,head_width=1.5"
 WEIGHT_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
 
 
@@ -98,14 +97,15 @@ class DrawnGraph:
         """The links that get a weight label: all of few, whose weights the title does not tell."""
         return [] if self.classes else [*self.weights]
 
-    @property
+    @cached_property
     def names(self) -> dict[tuple[int, int], str]:
         """The legend's name of each link."""
         links, decides = self.graph.edges(), self.cell.scenario.defence.decides
         either = zip(self.situation.attacked[links], self.situation.trusted[links], strict=True)
         found = {}
         for ends, (lies, trusts) in zip(self.weights, either, strict=True):
-            found[ends] = "trusted link" if decides and trusts else "other link"
+            other = "other link" if ends[1] else "link of the navigator"
+            found[ends] = "trusted link" if decides and trusts else other
             if self.attacked and lies:
                 found[ends] = "attacked link"
         return found
@@ -125,14 +125,18 @@ class DrawnGraph:
         return "\n".join(lines[: 1 + bool(words)])
 
     def bends(self, listener: int, source: int) -> bool:
-        """Whether the arrow of a link is bent: a link back, or a node in the way."""
+        """Whether a link is bent: a link back looks otherwise, or a node is in the way."""
         ends = self.places[[source, listener + 1]]
         others = np.delete(self.places, [source, listener + 1], axis=0)
         along = ends[1] - ends[0]
         part = np.clip((others - ends[0]) @ along / (along @ along), 0.1, 0.9)
         from_link = np.hypot(*(others - ends[0] - part[:, None] * along).T)
         blocked = bool((from_link < NODE_IN_WAY * np.hypot(*along)).any())
-        return blocked or (source - 1, listener + 1) in self.weights
+        return blocked or self.back(listener, source) not in (None, self.names[listener, source])
+
+    def back(self, listener: int, source: int) -> str | None:
+        """The legend's name of the link back, if there is one."""
+        return self.names.get((source - 1, listener + 1))
 
 
 def source_places(graph: Digraph, columns: int = 0) -> Float[np.ndarray, "sources 2"]:
@@ -166,7 +170,7 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     there = networks_of(cells)
     wanted = [WANTED_SPACING / each.spacing for each in there if not each.is_large]
     most = MOST_IN_ROW if len(wanted) == len(there) else MATRICES_IN_ROW
-    across = max(1, min(most, int(72 * width / max(wanted, default=1.0))))
+    across = max(1, min(most, int(72 * width / max([LEAST_GRAPH, *wanted]))))
     columns = -(-len(there) // -(-len(there) // across))  # rows of alike length
     size = width / max(columns, min(across, 3 * width / style.FIGURE_WIDTH))
     most = columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))
@@ -210,7 +214,11 @@ def draw_graph(panel: Axes, network: DrawnGraph, size: float) -> None:
     places, across = network.places, network.diameter(size)
     edge = across / 2 + 0.5  # [pt] of a node
     for (i, j), called in network.names.items():
-        look: dict[str, Any] = LINK_LOOKS[called] | ARROW | {"shrinkA": edge, "shrinkB": edge}
+        both = network.back(i, j) == called
+        if both and i >= j:
+            continue  # drawn with the link back
+        look: dict[str, Any] = {"shrinkA": edge, "shrinkB": edge, "mutation_scale": 1, "zorder": 1}
+        look |= LINK_LOOKS[called] | {"arrowstyle": f"{'<' * both}{'|' * both}-{HEAD}"}
         bend = f"arc3,rad={0.16 if network.bends(i, j) else 0.0}"
         ends = tuple(places[j]), tuple(places[i + 1])
         panel.add_patch(FancyArrowPatch(*ends, connectionstyle=bend, **look))
@@ -296,7 +304,7 @@ def topology_legend(shown: Sequence[DrawnGraph]) -> list[Line2D | Patch]:
         rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
         handles.append(Line2D([], [], marker="o", label="attacked vehicle", **node, **rim))
     present = {called for each in small for called in each.names.values()}
-    is_plain = len(present) == 1 or (small and is_leaderless([each.cell for each in small]))
+    is_plain = present <= {"attacked link", "other link"}
     for called, look in LINK_LOOKS.items():
         if called in present:
             label = "link" if is_plain and called == "other link" else called

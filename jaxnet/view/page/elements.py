@@ -24,7 +24,7 @@ MENU_ITEMS = (
     '<button type="button" data-keep="csv">Save data as CSV</button>'
     '<button type="button" data-keep="zoom">Reset zoom</button>'
 )
-NO_WRAP = r'<span style="white-space: nowrap">\g<0></span>'  # W-MSR
+NO_WRAP = r'<span style="white-space: nowrap">\g<0></span>'  # W-MSR, 1e-08
 PAGER = (
     '<div class="controls pager" hidden><output></output><button type="button">Previous</button>'
     '<button type="button">Next</button></div>'
@@ -35,16 +35,13 @@ SYMBOL_PATHS = {
     "square": "M13 3H21V11H13z",
     "triangle-up": "M17 2L22 11H12z",
     "triangle-down": "M12 3H22L17 12z",
-    "triangle-left": "M12 7L21 2V12z",
-    "triangle-right": "M22 7L13 2V12z",
-    "pentagon": "M17 2l5 3.8-1.9 6.2h-6.2L12 5.8z",
-    "hexagon": "M17 2l4.5 2.5v5L17 12l-4.5-2.5v-5z",
     "cross": "M15.5 2h3v3.5H22v3h-3.5V12h-3V8.5H12v-3h3.5z",
     "x": "M13 2l4 4 4-4 1 1-4 4 4 4-1 1-4-4-4 4-1-1 4-4-4-4z",
     "star": "M17 1l1.8 3.9 4.2.5-3.1 2.9.8 4.2-3.7-2.1-3.7 2.1.8-4.2L11 5.4l4.2-.5z",
     "diamond": "M17 2l5 5-5 5-5-5z",
     "line-ew": "M12 7H22",
     "cross-thin": "M17 2V12M12 7H22",
+    "x-thin": "M13 3L21 11M13 11L21 3",
 }
 
 
@@ -64,13 +61,18 @@ def sentence_case(words: str) -> str:
     return words if words[:1] in "āϑδ" else words[:1].upper() + words[1:]
 
 
+def unbroken(text: str) -> str:
+    """Text as HTML in which no line ends between a number and its unit, or at a hyphen."""
+    return re.sub(r"\S+-\S+", NO_WRAP, BEFORE_UNIT.sub(NO_BREAK, escape(text)))
+
+
 def paragraph(text: str) -> str:
     return f"<p>{text}</p>"
 
 
 def notes_html(notes: Iterable[str]) -> str:
     """What a table leaves open, below it."""
-    told = "".join(f"<li>{escape(sentence_case(each))}.</li>" for each in notes if each)
+    told = "".join(f"<li>{unbroken(sentence_case(each))}.</li>" for each in notes if each)
     return f'<ul class="notes">{told}</ul>' if told else ""
 
 
@@ -126,8 +128,7 @@ def about(cells: Iterable[int] | None) -> str:
 def plot_html(plot: Plot, look: str = "", height: int = 0, begins: bool = False) -> str:
     title = escape(plot.title)
     style = f' style="height: {height}px"' if height else ""
-    unbroken = re.sub(r"\S+-\S+", NO_WRAP, BEFORE_UNIT.sub(NO_BREAK, title))
-    heading = f"<h3>{unbroken}</h3>" if title else ""
+    heading = f"<h3>{unbroken(plot.title)}</h3>" if title else ""
     return (
         f'<div class="panel{" begins" * begins}"{about(plot.cells)}><div class="head">{heading}'
         f'<details class="menu"><summary aria-label="Keep the plot {title}">⋯</summary>'
@@ -166,11 +167,9 @@ def swatch(trace: Mapping[str, Any]) -> str:
             f' stroke-width="{line.get("width", 1.6)}" stroke-dasharray="{dashes}"/>'
         )
     if "markers" in mode:
-        symbols, colour = marker["symbol"], painted(marker["color"])
-        if not isinstance(symbols, str):  # hollow where a value is beyond the axis
-            symbols = min(symbols, default="circle").removesuffix("-open")
-        fill = "none" if "open" in symbols else colour
-        path = SYMBOL_PATHS[symbols.removesuffix("-open")]
+        symbol, colour = marker["symbol"], painted(marker["color"])
+        fill = "none" if "open" in symbol else colour
+        path = SYMBOL_PATHS[symbol.removesuffix("-open")]
         parts.append(f'<path d="{path}" fill="{fill}" stroke="{colour}" stroke-width="1.6"/>')
     return f'<svg viewBox="0 0 34 14" aria-hidden="true">{"".join(parts)}</svg>'
 

@@ -7,7 +7,7 @@ about the cells of its panel; a trace whose `meta` has cells, one a point, shows
 import io
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from math import ceil, floor, log10
 from typing import Any
@@ -21,7 +21,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import LOG_FLOOR
-from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import DODGE, Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, PALETTE, colour_norm, text_colour
 from jaxnet.view.drawings.words import error_text, lines_within
 from jaxnet.view.figures import style
@@ -41,11 +41,8 @@ PLOTLY_SYMBOLS = {
     "*": "star",
     "^": "triangle-up",
     "v": "triangle-down",
-    "<": "triangle-left",
-    ">": "triangle-right",
-    "p": "pentagon",
-    "h": "hexagon",
     "_": "line-ew",
+    "x": "x-thin",
 }
 DASH_SCALE, LEAST_DASH = 1.2, 2.0  # [px] of a dash of one width of the line, and of any
 WIDTH_SCALE = 1.6  # [px] of a line of 1 pt
@@ -54,6 +51,7 @@ TIME_AXIS = {"title": {"text": "t [s]"}, "rangemode": "tozero"}
 LONE_HEIGHT = 340  # [px] of the only panel
 LETTERS, ACROSS = 26, 40  # of a line of a name on an axis, and of the title along x
 LOG_ROOM = 1.25  # at the ends of a log axis
+TICKS_APART = {"x": 1.5, "y": 0.5}  # decades from the tick of an end of a log axis to the next
 MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
 ROOM_OF_TICKS = 2.0  # [in] of an axis with ticks at swept values
 MOST_IN_ROW, DESK, TILE = 4, 1140, 42  # panels in a row; [px] of a row, and of a tile in it
@@ -99,7 +97,8 @@ def tiled(drawing: Drawing) -> str:
     for letter, scale in (("x", drawing.x), ("y", drawing.y)):
         named = {"title": {"text": plain(scale.title)}, "showgrid": False}
         layout[f"{letter}axis"] = names_axis(scale.names, falling=letter == "y") | named
-    ends = [power_text(f"{end:.0e}") for end in (norm.vmin, norm.vmax)]
+    reach: Any = norm.vmin, norm.vmax
+    ends = [*map(named_powers(*reach), reach)]
     bar = {"title": {"text": plain(title), "side": "right"}, "tickvals": [0, 1], "ticktext": ends}
     look = {"type": "heatmap", "zmin": 0, "zmax": 1, "xgap": 1, "ygap": 1, "showscale": False}
     look |= {"texttemplate": "%{text}", "hoverinfo": "text", "textfont": {"color": "--text"}}
@@ -149,7 +148,11 @@ def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
         layout = layout | {"annotations": [middle | {"text": plain(panel.words)}]}
     timed = [each for each in many if each.cells is None and len(each.x) > 2]
     shared = bool(timed) and all(each.x is timed[0].x for each in many)
-    traces = [trace for each in many for trace in traces_of(drawing, each, shared)]
+    traces: list[dict[str, Any]] = []
+    for each in many:
+        for place, part in enumerate(drawing.parted(each)):
+            found = traces_of(drawing, part, shared)
+            traces += [trace | {"showlegend": False} for trace in found] if place else found
     if shared:
         saved = (["q05", "q95"] if each.form == "band" else [each.name] for each in many)
         names = [*itertools.chain.from_iterable(saved)]
@@ -188,14 +191,11 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
     found = line_trace(series.name, look, x, y, "%{text}")
     found["text"] = hints(drawing, series)
     if series.form in ("points", "both"):
-        symbol = PLOTLY_SYMBOLS[look.marker] + "-open" * (look.hollow or look.marker == "_")
+        symbol = PLOTLY_SYMBOLS[look.marker] + "-open" * (look.hollow or look.marker in "_x")
         found["mode"] = "markers" if series.form == "points" else "lines+markers"
-        hollow = np.any(scale.is_beyond(series.x if rows else series.y), axis=0)
-        symbols = np.where(hollow, symbol.removesuffix("-open") + "-open", symbol).tolist()
         colour = found["line"]["color"]
-        found["marker"] = {"color": colour, "symbol": symbols, "size": MARKER_SIZE}
+        found["marker"] = {"color": colour, "symbol": symbol, "size": MARKER_SIZE}
         found["marker"]["line"] = {"color": colour, "width": RIM}
-        found["connectgaps"] = True
     if series.form == "steps":
         found["line"]["shape"] = "hv"
     if series.cells is not None:
@@ -204,8 +204,8 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
         return [found]
     middle, color = x if rows else y, found["line"]["color"]
     (low, high), beyond = scale.bars(series.low, middle, series.high)
-    bars = {"symmetric": False, "array": np.nan_to_num(high - middle), "thickness": 1.3, "width": 2}
-    bars |= {"arrayminus": np.nan_to_num(middle - low), "color": color}
+    bars = {"symmetric": False, "array": high - middle, "thickness": 1.3, "width": 2}
+    bars |= {"arrayminus": middle - low, "color": color}
     arrows, sides = [], ("left", "right") if rows else ("down", "up")
     for end, there, side in zip((low, high), beyond, sides, strict=True):
         if there.any():
@@ -263,8 +263,9 @@ def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
         title |= {"tickvals": [*scale.ticks], "ticktext": texts}
     low, high = scale.ends or reach_of(drawing, letter)
     if scale.log:
-        room = LOG_ROOM if letter == "x" else 1.0
-        return decades_axis(low / room, high * room) | title
+        room = max(LOG_ROOM, (high / low) ** (2 * DODGE)) if letter == "x" else 1.0
+        beyond = drawing.beyond(drawing.panels) if scale is drawing.values else (False, False)
+        return decades_axis(low / room, high * room, scale, beyond, TICKS_APART[letter]) | title
     if not scale.ends and not scale.ticks:
         return {"rangemode": "tozero"} | title
     room = 0.04 * ((high - low) or 1.0)
@@ -279,8 +280,11 @@ def reach_of(drawing: Drawing, letter: str) -> tuple[float, float]:
     return float(known.min()), float(known.max())
 
 
-def decades_axis(low: float, high: float) -> dict[str, Any]:
-    """A log axis with ticks at powers of ten; between other ends with room, and ticks if short."""
+def decades_axis(low: float, high: float, *ends: Any) -> dict[str, Any]:
+    """A log axis with ticks at powers of ten; between other ends with room, and ticks if short.
+
+    `ends` are a scale and what its `named_ticks` needs. Long numbers make all powers of ten.
+    """
     is_short = False
     if any(abs(log10(end) - round(log10(end))) > 1e-9 for end in (low, high)):
         low, high = low / LOG_ROOM, high * LOG_ROOM
@@ -288,20 +292,20 @@ def decades_axis(low: float, high: float) -> dict[str, Any]:
     first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
     digits: tuple[int, ...] = ((1, 3) if high > 10 * low else (1, 2, 5)) if is_short else (1,)
     powers = range(first - is_short, last + 1, 2 if last - first > 4 else 1)
-    ticks = [f"{digit}e{power}" for power in powers for digit in digits]
-    return {
-        "type": "log",
-        "range": [log10(low), log10(high)],
-        "tickvals": [float(tick) for tick in ticks],
-        "ticktext": [power_text(tick) for tick in ticks],
-    }
+    ticks = [float(f"{digit}e{power}") for power in powers for digit in digits]
+    scale, beyond, apart = ends or (Scale(""), (False, False), 0.0)
+    found = scale.named_ticks(ticks, named_powers(min(ticks), max(ticks)), beyond, apart)
+    reach = [log10(low), log10(high)]
+    return {"type": "log", "range": reach, "tickvals": [*found], "ticktext": [*found.values()]}
 
 
-def power_text(number: str) -> str:
-    """A number such as 3e-7, in decimals where it is short."""
-    digit, power = number.split("e")
-    if -4 < int(power) < 5:
-        return f"{float(number):g}"
+def named_powers(low: float, high: float) -> Callable[[float], str]:
+    """What names numbers such as 3e-7 within these ends: powers of ten, or decimals if short."""
+    return "{:g}".format if (low == 0 or low >= 1e-3) and high < 1e5 else power_text
+
+
+def power_text(number: float) -> str:
+    digit, power = f"{number:.0e}".split("e")
     return f"{digit}·".removeprefix("1·") + f"10<sup>{int(power)}</sup>".replace("-", "−")
 
 

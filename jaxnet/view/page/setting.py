@@ -25,7 +25,7 @@ LONGEST_VALUE = 80  # letters
 TOLD_ELSEWHERE = {"kind", "label", "edges", "content", "names", "vehicles", "links", "magnitude"}
 # Keys that are told even at their defaults, of kinds and of cells: a reader repeats the study.
 SYMBOLS = {"theta": "ϑ", "F": "F", "tau": "τ"}
-SYMBOLS |= {name: name for name in ("direction", "form", "predicts")}
+SYMBOLS |= {name: name for name in ("direction", "form", "predicts", "frequency", "phase")}
 SYMBOLS |= {name: name for name in ("neighbours", "rewired", "degree", "probability")}
 ALWAYS_TOLD = ("navigator", "topology", "attack", "defence", "gain", "initial.position")
 # Keys that share a row with others, or stand elsewhere on the page.
