@@ -29,6 +29,8 @@ def one_line(text):
 
 PLAIN = {"attack": "none", "defence": "none"}
 COMPLETE = {"kind": "random_regular", "degree": 6}
+DROPPED = PLAIN | {"vehicles": 4, "defence": {"kind": "w_msr", "F": 1, "trusted": {3: [2]}}}
+DROPPED |= {"topology": {"kind": "edges", "edges": [[i + 1, i, 1.0] for i in range(4)]}}
 LATTICE = {"vehicles": 8, "topology": {"kind": "lattice", "neighbours": 4}, "engine": "exact"}
 ANNOUNCED = {"kind": "trusted_trim", "score": "announced"}
 CUT_OFF = {"vehicles": 4, "attack": {"kind": "bias", "vehicles": [4]}, "engine": "exact"}
@@ -93,7 +95,9 @@ FACTS = [
     ({"defence": ANNOUNCED}, "guarantee", "announced: by majority"),
     ({"defence": "trust"}, "guarantee", "none: whoever stays within the radius"),
     ({"defence": {"kind": "trust", "observation": "random"}}, "guarantee", "by earned trust"),
-    (CUT_OFF, "cut off", "2, 3 may be cut off from the navigator, if they drop the wrong sources"),
+    (CUT_OFF, "cut off", "2, 3 may be cut off from the navigator, depending on the values"),
+    # a verdict that is sure has no line that doubts it: W-MSR, F = 1, trusts 2 at 3 alone
+    (DROPPED, "cut off", "2, 4 drop all sources (F too great); 3 then hears nobody that the navi"),
     # laws: growths of an independent program
     (ROUNDS, "law", "UNSTABLE, deviations times 1.0458 at each tick of 0.05 s; 2 rounds are"),
     (ROUNDS, "law", "; stability is known only while all sources are retained"),
