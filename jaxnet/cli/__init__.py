@@ -242,7 +242,7 @@ def show_command(
         told = [texts.analyses.analyses_text(opened)]
         if opened.has_run:
             table = texts.tables.summary_text(opened, *chosen, most)
-            told = [table, texts.tables.failures_text(opened), *told]
+            told = [table, texts.tables.failures_text(opened, where), *told]
         errors.echo("\n\n".join(filter(None, told)))
         errors.tell_next("report", results)
     elif opened.has_run:

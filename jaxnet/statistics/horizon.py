@@ -112,12 +112,12 @@ def lost_cells(results: Results, column: str) -> list[int]:
     return np.flatnonzero(results.cells[column].to_numpy() > limits).tolist()
 
 
-def lost_words(results: Results, cells: Sequence[Cell]) -> str:
+def lost_words(results: Results, cells: Sequence[Cell], named: Named = cells_named) -> str:
     """Where the fleet is lost, of these cells; else ""."""
     lost = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
     found = [cell.number for cell in cells if cell.number in lost]
     words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
-    return f"{words} {cells_named(found)}" if found else ""
+    return f"{words} {named(found)}" if found else ""
 
 
 def asked_length(cell: Cell, study: Config, distance: float) -> float:

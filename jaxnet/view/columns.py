@@ -37,19 +37,22 @@ from jaxnet.statistics.choice import Where, select_cells, swept_key
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
 from jaxnet.statistics.quantities import (
+    VALUE_COLUMNS,
     asked_quantity,
     metric_and_statistic,
     metric_title,
     share_failed,
     stored_values,
 )
+from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.summary import lane_shares, share_names, unsettled_shares
+from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import digits_text
 
-SHARE_FAILED = "failed_share"
+SHARE_FAILED, SHARE_LOST = "failed_share", "lost_share"
 COUNTS = {"ok": "lanes ok", "failed": "lanes failed", "lanes": "lanes"}  # with their titles
 # The first stand before a study's own metrics, the others after these
 ERROR_COLUMNS = ("tail_mean_median", "tail_max_max"), ("tail_mean_mean", "tail_mean_q95")
@@ -202,7 +205,7 @@ def summary_columns(
     found += [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
     wanted = [known_column(name, table, keys) for name in names]
     if not names:
-        wanted = default_columns(results.study.config, table, every)
+        wanted = default_columns(results.study.config, table.iloc[numbers], every)
         if reduced := reduced_amplitudes(cells):
             # by which attacks shift positions, below ā where they are fast
             sizes = [reduced.get(cell.number, attack_size(cell)) for cell in cells]
@@ -210,8 +213,10 @@ def summary_columns(
             found.append(plain_column("amplitude", sizes, title, "amplitude [m]", MAGNITUDE))
     sizes = known_or(np.full(len(every), np.nan), lambda: cell_magnitudes(results))[numbers]
     for name in wanted:
-        if name not in keys:
-            rows = table.iloc[numbers].assign(size=sizes)
+        rows = table.iloc[numbers].assign(size=sizes)
+        if name == SHARE_LOST:
+            found.append(lost_column(results, rows))
+        elif name not in keys:
             found.append(statistic_column(name, rows, results.study.config, every))
     return found
 
@@ -278,15 +283,25 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     first = asked if asked in table else f"{asked}_median"
     before, after = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
     hull = ["in_hull"] * alone  # beside agreement: liars may move the place
-    fell = [SHARE_FAILED] * bool(table["failed"].any())
-    names = dict.fromkeys([*fell, first, *hull, *before, *own, *after, "ok", "failed"])
-    return [name for name in names if name in table or name in fell]
+    fell = [SHARE_FAILED, first] * bool(table["failed"].any())
+    head = [SHARE_LOST] if fell and study.recovery is not None else [*fell, first]
+    names = dict.fromkeys([*head, *hull, *before, *own, *after, *fell, "ok", "failed"])
+    return [name for name in names if name in table or name in (SHARE_FAILED, SHARE_LOST)]
 
 
 def key_column(key: str, labels: Sequence[Any]) -> Column:
     symbol = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
     latex = latex_title(symbol or key_name(key).translate(LATEX_ESCAPES), unit(key))
     return plain_column(key, labels, quantity(key), latex, key)
+
+
+def lost_column(results: Results, rows: pd.DataFrame) -> Column:
+    """Share of all lanes of these rows of `cells.csv` that failed or did not recover."""
+    found = share_lost(results).loc[rows.index].set_axis(VALUE_COLUMNS, axis="columns")
+    title = f"failed or {share_name(results.study.cells)} [%]"
+    ends = f"{SHARE_LOST}_low", f"{SHARE_LOST}_high"
+    entries = found.fillna(share_failed(rows))
+    return Column(SHARE_LOST, title, title.translate(LATEX_ESCAPES), entries, ends, 100.0)
 
 
 def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequence[Cell]) -> Column:

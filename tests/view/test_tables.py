@@ -20,6 +20,7 @@ from jaxnet.view.text import formats, printer, slopes, tables
 from jaxnet.view.text.width import cell_title, numbered_words
 from tests import systems
 
+TAIL = ["tail_mean_median", "tail_max_max"]
 LONG = {"attack.magnitude": [1, 2], "attack.frequency": [0.5, 0.7], "tick": [0.05, 0.1]}
 
 
@@ -116,9 +117,10 @@ def test_lanes_that_failed_are_told_where_no_column_does():
     results = results_of({"attack.magnitude": [1, 2]}, True, 4)
     results.cells["failed"], results.cells["lanes"] = [2, 0], [5, 5]
     asked = columns.summary_columns(results, ["tail_mean"])
-    assert "2 of 10 lanes failed, and are in no number" in tables.summary_notes(results, asked)
+    told = "2 of 10 lanes failed; other columns are of lanes that ended"
+    assert told in tables.summary_notes(results, asked)
     asked = columns.summary_columns(results, ["tail_mean", "failed"])
-    assert "in no number" not in " ".join(tables.summary_notes(results, asked))
+    assert told not in " ".join(tables.summary_notes(results, asked))
 
 
 def test_a_share_of_lanes_that_ended_says_so_where_others_failed():
@@ -128,6 +130,62 @@ def test_a_share_of_lanes_that_ended_says_so_where_others_failed():
     assert shown[-1].title == "unrecovered of lanes that ended [%]"
     shown = columns.summary_columns(results, ["unrecovered"], {"attack.magnitude": 1.0})
     assert shown[-1].title == "unrecovered [%]"
+
+
+def one_line(lines):
+    return " ".join(" ".join(lines).replace("\N{NO-BREAK SPACE}", " ").split())
+
+
+def test_lanes_that_failed_count_as_lost_in_the_first_column():
+    """3 of 8 failed and 2 of the other 5 did not recover: 5 of 8, and the exact interval of it."""
+    results = results_of({"attack.magnitude": [1, 2]}, True, 2)
+    results.cells["failed"], results.cells["lanes"] = [0, 3], [5, 8]
+    results.cells[["unrecovered", "unrecovered_low", "unrecovered_high"]] = [0.4, 0.1, 0.9]
+    shown = columns.summary_columns(results)
+    assert [each.name for each in shown[2:5]] == ["lost_share", *TAIL]
+    assert shown[2].title == "failed or unrecovered [%]"
+    low, high = binomtest(5, 8).proportion_ci(0.95, "exact")
+    found = shown[2].entries.to_numpy(float)
+    np.testing.assert_allclose(found, [[0.4, 0.1, 0.9], [0.625, low, high]], rtol=1e-9)
+    note = "unrecovered: mean error over the tail > 0.1\N{NO-BREAK SPACE}ā"
+    assert note in tables.summary_notes(results, shown[:3])
+    whole = columns.summary_columns(results, where={"attack.magnitude": 1.0})
+    assert [each.name for each in whole[2:5]] == ["unrecovered", *TAIL]
+
+
+def test_a_verdict_names_the_cells_where_all_lanes_hold_and_the_worst_ones():
+    """In three sentences, for the cells that are shown; none of one cell."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 3]}
+    results = results_of(sweep, True, 6)
+    results.cells["unrecovered"] = [1.0, 1.0, 0.8, 0.0, 0.0, 0.0]
+    results.cells["tail_max_max"] = [1.0, 2.0, 3.0, 1e-15, 0.5, 0.5]
+    told = tables.verdict_lines(results, results.study.cells)
+    assert [one_line([each]) for each in told] == [
+        "In 3 of 6 cells no lane ended unrecovered: cells 3-5 (W-MSR)",
+        "In 2 of 6 cells all lanes ended unrecovered: cells 0, 1 (no defence, ā = 1 and 2 m)",
+        "Worst vehicle: 0 m in cell 3 (W-MSR, ā = 1 m) to 3 m in cell 2 (no defence, ā = 3 m)",
+    ]
+    text = tables.summary_text(results, where={"attack.magnitude": 3.0})
+    assert "In 1 of 2 cells no lane ended unrecovered: cell 5 (W-MSR)" in one_line([text])
+    assert "At worst 80 % of lanes ended unrecovered: cell 2 (no defence)" in one_line([text])
+    assert tables.verdict_lines(results, results.study.cells[:1]) == []
+    results.cells["failed"], results.cells["lanes"] = 5, 10
+    assert tables.verdict_lines(results, results.study.cells)[0] == (
+        "In all 6 cells some lanes failed or ended unrecovered"
+    )
+    results.cells["unrecovered"] = 1.0
+    (first, _) = tables.verdict_lines(results, results.study.cells)
+    assert first == "In all 6 cells all lanes failed or ended unrecovered"
+
+
+def test_warnings_are_of_the_cells_that_are_shown():
+    results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
+    results.cells["tail_mean_median"] = [1e9, 0.1, 1e9]
+    assert "fleet is lost, in cells 0, 2" in one_line([tables.summary_text(results)])
+    assert "fleet is lost" not in tables.summary_text(results, where={"attack.magnitude": 2.0})
+    assert "fleet is lost, in cell 2" in tables.formatted(
+        results, "latex", where={"attack.magnitude": 3.0}
+    )
 
 
 def test_notes_are_of_the_rows_that_are_shown():
@@ -237,15 +295,15 @@ def test_what_attacks_leave_of_the_papers_is_said_with_the_cells():
 @pytest.mark.parametrize("width", [40, 80, 120])
 @pytest.mark.parametrize("last", [["tail_mean_median"], ["outside_max", "spread_median"]])
 def test_the_asked_share_and_the_median_error_go_last(last, width, monkeypatch):
-    """Metrics that stand before the error go first; failed lanes keep their share."""
+    """Metrics that stand before the error go first."""
     monkeypatch.setenv("COLUMNS", str(width))
     pair = pd.DataFrame({"value": [1.0, 2.0], "low": [0.1234, 1.234], "high": [1.234, 2.345]})
-    first = ["failed_share", "unrecovered"]
+    first = ["lost_share"]
     names = [*first, *(f"alarms_{each}" for each in range(20)), *last, "tail_mean_q95"]
     whole = [columns.Column(name, name, name, pair, ("low", "high")) for name in names]
     left = [each.name for each in printer.narrow_columns(whole)[0]]
     assert [each.name for each in printer.narrow_columns(whole[:1])[0]] == first[:1]
-    assert left[:2] == first
+    assert left[:1] == first
     assert {*last} <= {*left} or {*left} <= {*first, *last}
     assert width == 40 or {*last} <= {*left} != {*names}
 
@@ -355,27 +413,26 @@ def curve_of(
 @pytest.mark.parametrize(
     ("fit", "errors", "words"),
     [
-        ((2.2, 2.1, 2.3), (2, {}), "2.2 [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (2, {}), "2.2 ā [2.1, 2.3]"),
         # means that differ by less than their intervals, by little, by more
-        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.3}), "2.2 [2.1, 2.3]"),
-        ((2.2, 2.1, 2.3), (2, {"greater": 0.9, "width": 0.01}), "2.2 [2.1, 2.3]"),
-        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.2}), "not proportional"),
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.3}), "2.2 ā [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.9, "width": 0.01}), "2.2 ā [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.2}), "bent -"),
         # of means without intervals nothing is said, so the medians decide
-        ((2.2, math.nan, math.nan), (2, {"greater": 0.3}), "2.2 [-]"),
-        ((2.2, math.nan, math.nan), (2, {"median": 0.3}), "not proportional"),
-        ((2.2, 2.1, 2.3), (2, {"median": 0.3, "width": 0.1}), "2.2 [2.1, 2.3]"),
-        ((2.2, 2.1, 2.3), (1, {"greater": 0.3}), "one ā: 2.2 [2.1, 2.3]"),
-        ((math.nan,) * 3, (2, {}), "does not rise"),
-        (None, (2, {}), "-"),
-        (None, (0, {}), "all lanes failed"),
+        ((2.2, math.nan, math.nan), (2, {"greater": 0.3}), "2.2 ā [-]"),
+        ((2.2, math.nan, math.nan), (2, {"median": 0.3}), "bent -"),
+        ((2.2, 2.1, 2.3), (2, {"median": 0.3, "width": 0.1}), "2.2 ā [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (1, {"greater": 0.3}), "one ā: 2.2 ā [2.1, 2.3]"),
+        ((math.nan,) * 3, (2, {}), "flat -"),
+        ((5e-20, 4e-20, 0.35), (2, {}), "0 ā [0, 0.35]"),
+        (None, (2, {}), "- -"),
+        (None, (0, {}), "failed -"),
     ],
 )
 def test_a_slope_is_told_or_why_there_is_none(fit, errors, words):
-    """Nor does a multiple of ā tell below which a share of lanes is, where there is no slope."""
-    fits = {} if fit is None else {("tail_mean", quantile): fit for quantile in (None, 0.5)}
+    fits = {} if fit is None else {("tail_mean", None): fit}
     curve = curve_of(errors[0], fits, **errors[1])
-    assert slopes.slope_text(curve, "tail_mean") == words
-    assert (curve.fit("tail_mean", 0.5) is None) == (not words.startswith("2.2"))
+    assert " ".join(slopes.slope_texts(curve)) == words
 
 
 def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(monkeypatch):
@@ -398,42 +455,26 @@ def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(mo
     assert "alarms, mean" in " ".join(" ".join(lines).partition("left out: ")[2].split())
 
 
-@pytest.mark.parametrize(("draws", "why"), [("random", "too few lanes"), ("sobol", "Sobol")])
-def test_a_slope_without_an_interval_says_so(draws, why, monkeypatch):
-    """Beside one with an interval; the worst lane never has one."""
-    fit = {None: (0.5, 0.4, 0.6), 0.5: (0.5, 0.4, 0.6), 0.95: (0.7, math.nan, math.nan)}
-    fit[1.0] = (0.8, math.nan, math.nan)
-    fits = {(metric, quantile): each for metric in SUMMARISED for quantile, each in fit.items()}
+@pytest.mark.parametrize(("draws", "why"), [("random", "so few lanes"), ("sobol", "Sobol")])
+@pytest.mark.parametrize(("most", "shown"), [(0.158, "[-]"), (0.139, "(alike)")])
+def test_a_slope_without_an_interval_says_why(draws, why, most, shown, monkeypatch):
+    """Equal lanes need none; the worst error comes with the number of independent lanes."""
     results = results_of({"attack.magnitude": [1, 2]}, False, 2)
     results.study.config = results.study.config.model_copy(update={"draws": draws})
     monkeypatch.setenv("COLUMNS", "120")
-    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 7)
-    text = slopes.slopes_text(results, [curve_of(2, fits)])
-    row = next(line for line in text.splitlines() if line.startswith("greatest"))
-    assert " ".join(row.split()) == "greatest 0.5 [0.4, 0.6] 0.5 [0.4, 0.6] 0.7 [-] 0.8 -"
-    assert "[-]: no interval" in text
-    assert why in text
-    assert ("too few lanes: 95 % below takes 200" in text) is (draws == "random")
-    assert ("worst lane: of the 7 lanes of each ā" in text) is (draws == "random")
-    fits |= {(metric, 0.95): (0.7, 0.6, 0.8) for metric in SUMMARISED}
-    whole = curve_of(2, fits)._replace(exponents={})
-    assert "[-]" not in slopes.slopes_text(results, [whole])
-
-
-def test_a_slope_of_skewed_errors_is_told_apart_from_one_of_equal_lanes(monkeypatch):
-    """Few errors may be small, not great; equal lanes need no rule."""
-    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
     monkeypatch.setattr(slopes, "whole_draws", lambda *_: 60)
-    for most, shown, note in (
-        (0.158, "0.139 [-]", "too few lanes: the mean takes 28 + 25 G², G: skewness of their"),
-        (0.139, "0.139 (alike)", "(alike): all lanes have the same error per ā"),
-    ):
-        fits = {(each, None): (0.139, math.nan, math.nan) for each in SUMMARISED}
-        fits |= {(each, 1.0): (most, math.nan, math.nan) for each in SUMMARISED}
-        text = slopes.slopes_text(results, [curve_of(2, fits)._replace(exponents={})])
-        assert shown in text
-        assert note in " ".join(text.split())
-        assert ("[-]" in text) == ("[-]" in shown)
+    fits = {
+        ("tail_mean", each): (size, math.nan, math.nan)
+        for each, size in {None: 0.139, 1.0: most}.items()
+    }
+    text = " ".join(slopes.errors_text(results, [curve_of(2, fits)]).split())
+    assert f"0.139 ā {shown} 1 ā" in text
+    assert (
+        f"[-]: no interval is known {'of' if draws == 'random' else 'for draws of'} {why}" in text
+    ) is (shown == "[-]")
+    assert ("(alike): all lanes have the same error per ā" in text) is (shown == "(alike)")
+    told = "worst error: of the 60 lanes of each ā; at most 4.87 % of all possible lanes are above"
+    assert (told in text) is (draws == "random")
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():
@@ -449,14 +490,30 @@ def test_a_worst_lane_comes_with_the_number_of_lanes():
 
 @pytest.mark.parametrize(
     ("slope", "error", "told"),
-    [(0.0, 1e-12, "0"), (2.0, 1e-12, "inf"), (2.0, 0.5, "4"), (math.nan, 1e-12, "-")],
+    [(0.0, 1e-12, "0 ā"), (7.0, 1e-12, "7 ā"), (2.0, 0.5, "2 ā"), (math.nan, 1e-12, None)],
 )
-def test_a_bound_of_nothing_differs_from_no_bound(slope, error, told):
-    """A bound and an error of 0; an error of 0 under a greater bound; neither is a dash."""
-    cells = pd.DataFrame({"tail_max_max": [error, error]}, index=[1.0, 1.0])
-    curve = Curve(Group({}, ()), cells, {("static", "worst"): slope}, {}, {})
-    table, _ = slopes.group_columns([(curve, slopes.group_ratios(curve))])
-    assert printer.texts_of(table, [])["static"] == [told]
+def test_a_bound_stands_in_multiples_of_the_attack(slope, error, told, monkeypatch):
+    """Whatever the worst error beside it is, 0 too; a bound that no group has has no column."""
+    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 60)
+    curve = curve_of(2, {("tail_mean", None): (error, math.nan, math.nan)})
+    curve.cells["tail_max_max"] = error * curve.sizes
+    curve = curve._replace(bounds={("static", "worst"): slope, ("lyapunov_printed", "worst"): 9.0})
+    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
+    table = slopes.curve_texts(curve)
+    assert table["worst error"] == f"{0 if error < 1e-9 else error:g} ā"
+    text = slopes.errors_text(results, [curve])
+    assert table["static"] == (told or "-")
+    assert ("static: bounds of theory" in text) is (told is not None)
+    assert "9 ā" not in text  # false in general
+
+
+def test_a_worst_error_that_is_no_multiple_is_in_metres():
+    """Of two magnitudes, 1 m and 2 m, the second has errors of 3 m; with a bound it is compared."""
+    curve = curve_of(2, {}, median=0.3)
+    curve.cells["tail_max_max"] = [1.0, 3.0]
+    assert slopes.curve_texts(curve)["worst error"] == "3 m"
+    bounded = curve._replace(bounds={("peak_gain", "worst"): 8.0})
+    assert slopes.curve_texts(bounded)["worst error"] == "1.5 ā"
 
 
 def test_fits_show_swept_values_as_the_summary_does():
@@ -467,8 +524,6 @@ def test_fits_show_swept_values_as_the_summary_does():
     assert [*map(str, table)] == [*labels, "mean"]
     assert [str(each) for (each,) in table.values()] == ["1 drawn", "W-MSR", "0.1"]
     assert "attacked" in labels[0]
-    assert slopes.estimate_text((5e-20, 4e-20, 0.35)) == "0 [0, 0.35]"
-    assert slopes.estimate_text((0.4, math.nan, math.nan)) == "0.4 [-]"
 
 
 def test_a_quantile_of_nothing_beside_a_great_lane_says_how_many_are_off():

@@ -1,13 +1,15 @@
 """Results as text for a terminal: the summary, the outcome of a run, failed lanes."""
 
+import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from html import escape
 from typing import Any
 
 import pandas as pd
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
 from jaxnet.config.naming import label_notes
 from jaxnet.config.sweep import is_joint
@@ -15,7 +17,7 @@ from jaxnet.kinds.metrics import AGREEMENT, COLUMNS_OF_METRIC, CONTRACT
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note, without_rounding
-from jaxnet.statistics.choice import Where
+from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import failed_kinds, mostly_failed
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.horizon import cuts_words, errors_words, lost_words
@@ -92,9 +94,13 @@ def summary_text(
     if pivot:
         beside = any(any(each.intervals()) for each in shown)
         shown = asked if beside else [each.bare() for each in asked]
-    notes = [constant, *grave_warnings(results), *other_warnings(results)]
-    notes = filter(None, [*notes, *summary_notes(results, shown)])
-    return "\n".join([*lines, *map(filled, notes), *left_out_note(left_out, "cells.csv")])
+    cells = [results.study.cells[each] for each in sorted(asked[0].values)]
+    lines += map(filled, filter(None, [constant]))
+    verdict = [] if names or pivot else verdict_lines(results, cells)
+    notes = [*grave_warnings(results, cells), *other_warnings(results, cells)]
+    notes += summary_notes(results, shown)
+    below = [*map(filled, notes), *left_out_note(left_out, "cells.csv")]
+    return "\n\n".join(map("\n".join, filter(None, (lines, map(filled, verdict), below))))
 
 
 def formatted(
@@ -107,7 +113,8 @@ def formatted(
 ) -> str:
     """Return the summary table as csv, markdown or latex, whole, chosen as `summary_text` is."""
     asked = asked_columns(results, names, where, sort, pivot)
-    notes = [*grave_warnings(results), *other_warnings(results)]
+    cells = [results.study.cells[each] for each in asked[0].values]
+    notes = [*grave_warnings(results, cells), *other_warnings(results, cells)]
     notes += [*summary_notes(results, asked), setting_note(results)]
     return in_format(columns.pivoted(asked, pivot) if pivot else asked, form, notes)
 
@@ -136,7 +143,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     alone = {key: each for key, each in config.sweep.items() if not is_joint(key)}
     notes = [*interval_lines(config, shown), *missing_lines(shown, lanes, independent)]
     notes += label_notes(alone, [cell.labels for cell in cells])
-    if "unrecovered" in names and config.recovery is not None:
+    if names & {"unrecovered", columns.SHARE_LOST} and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
     notes += filter(None, metrics.values())
     notes += [hull_note(config, cells)] if "in_hull" in names else []
@@ -147,11 +154,12 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes.append(amplitude_note(cells))
     failed, total = table[["failed", "lanes"]].to_numpy(int).sum(axis=0)
     if failed and not names & {columns.SHARE_FAILED, "failed", "ok"}:
-        notes.append(f"{failed:,} of {count(int(total), 'lane')} failed, and are in no number")
+        whose = "other columns are of lanes that ended"
+        notes.append(f"{failed:,} of {count(int(total), 'lane')} failed; {whose}")
     if any(each.has_rounding() for each in shown):
         notes.append("errors below 1e-9 ā (1e-9 m without an attack) are shown as 0")
         notes += off_lines(results, shown)
-    if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
+    if names & {"tail_max_max", "spread_max", "outside_max"} and lanes.any() and independent:
         most = lanes.drop(index=mostly_failed(results), errors="ignore")
         many = (most if most.any() else lanes)[lanes > 0].astype(int)
         beyond = share_beyond(int(many.min()))
@@ -160,17 +168,58 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     return [*notes, *caveat_lines(cells)]
 
 
-def grave_warnings(results: Results) -> list[str]:
-    """Why errors are not ultimate, or no errors of a fleet that holds together."""
-    cells = results.study.cells
-    return [*filter(None, [lost_words(results, cells), falling_words(results, cells)])]
+def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
+    """Where all lanes hold, where most lanes do not, and the range of the worst errors."""
+    if len(cells) < 2:
+        return []
+    table, named = (
+        results.cells.loc[[c.number for c in cells]],
+        partial(numbered_words, cells=cells),
+    )
+    ways = ["failed"] * bool(table["failed"].any())
+    ways += [f"ended {recovery.share_name(cells)}"] * (results.study.config.recovery is not None)
+    lines, way = list[str](), " or ".join(ways)
+
+    def tell(some: pd.Series, what: str) -> None:
+        where = some.index[some].tolist()
+        many = f"{len(where)} of" if len(where) < len(some) else "all"
+        place = f": {named(where)}" * (len(where) < len(some))
+        lines.append(f"In {many} {len(some)} cells {what} {way}{place}")
+
+    if ways:
+        shares = columns.lost_column(results, table).entries["value"]
+        most, none = shares.max(), shares.index[shares == 0].tolist()
+        if none or shares.min() < 1:
+            tell(*((shares == 0, "no lane") if none else (shares > 0, "some lanes")))
+        if most == 1:
+            tell(shares == 1, "all lanes")
+        elif most > 0:
+            where, share = shares.index[shares == most].tolist(), number_text(100 * most, whole=100)
+            lines.append(f"At worst {share} % of lanes {way}: {named(where)}")
+    name, words = "tail_max_max", "Worst vehicle"
+    if is_leaderless(cells):
+        name, words = "outside_max", "Farthest out of the hull of the starts"
+    column = columns.summary_columns(results, [name])[-1]
+    known = pd.Series(column.numbers("value"), results.cells.index)[table.index].dropna()
+    places = [known.index[known == end].tolist() for end in {known.min(): 0, known.max(): 0}]
+    ends = (f"{column.text(known[those[0]])} m in {named(those)}" for those in places if those)
+    return [*lines, *[f"{words}: {' to '.join(ends)}"] * (len(known) > 0)]
 
 
-def other_warnings(results: Results) -> list[str]:
-    """What else than the attack may decide, or may not fit the study's presumptions."""
-    config, cells = results.study.config, results.study.cells
-    told = errors_words(config, cells), cuts_words(cells), recovery.lowered_words(results, cells)
-    return [*filter(None, told), *misfit_words(results, cells)]
+def grave_warnings(results: Results, some: Sequence[Cell] | None = None) -> list[str]:
+    """Why errors of these cells (None: all) are not ultimate, or no errors of a whole fleet."""
+    cells = some or results.study.cells
+    lost = lost_words(results, cells, partial(numbered_words, cells=cells))
+    return [*filter(None, [lost, falling_words(results, cells)])]
+
+
+def other_warnings(results: Results, some: Sequence[Cell] | None = None) -> list[str]:
+    """What else than the attack may decide in these cells, or may not fit presumptions."""
+    config, cells = results.study.config, some or results.study.cells
+    named = partial(numbered_words, cells=cells)
+    told = errors_words(config, cells, named), cuts_words(cells, named)
+    told += recovery.lowered_words(results, cells), *misfit_words(results, cells)
+    return [*filter(None, told)]
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
@@ -324,16 +373,18 @@ def stop_reason(results: Results) -> str:
     return words
 
 
-def failures_text(results: Results) -> str:
+def failures_text(results: Results, where: Where | None = None) -> str:
     """Failed lanes by reason, the first with the command that replays it; empty of none."""
-    by_cell, known = failed_kinds(results), results.study.cells
+    known = {cell.number: cell for cell in select_cells(results.study.cells, where or {})}
+    by_cell = {cell: kinds for cell, kinds in failed_kinds(results).items() if cell in known}
     lines = [
-        filled(f"failed: {told} of {count(lanes, 'lane')} in {numbered_words(cells, known)}")
+        filled(
+            f"failed: {told} of {count(lanes, 'lane')} in {numbered_words(cells, [*known.values()])}"
+        )
         for cells, told, lanes in failures_alike(results, by_cell)
     ]
-    _, failed = results.failed(1)
-    first: Any = failed.itertuples()
-    for row in first:
+    failed: Any = results.failed(sys.maxsize)[1]
+    for row in failed[failed["cell"].isin([*known])].head(1).itertuples():
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
         title = cell_title(known[row.cell])
@@ -342,7 +393,7 @@ def failures_text(results: Results) -> str:
     every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
     lines += [filled(f"{k}: {FAILURE_REASONS[k]}") for k in every if k in FAILURE_REASONS]
     held = [cell for cell, kinds in by_cell.items() if {*kinds} & {*HELD_TOO_LONG}]
-    if any(results.study.cells[number].scenario.engine.samples for number in held):
+    if any(known[number].scenario.engine.samples for number in held):
         lines.append(filled(ON_SAMPLED))
     return "\n".join(lines)
 
