@@ -284,7 +284,8 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     before, after = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
     hull = ["in_hull"] * alone  # beside agreement: liars may move the place
     fell = [SHARE_FAILED, first] * bool(table["failed"].any())
-    head = [SHARE_LOST] if fell and study.recovery is not None else [*fell, first]
+    lost = fell and study.recovery is not None and any(attack_size(cell) > 0 for cell in cells)
+    head = [SHARE_LOST] if lost else [*fell, first]
     names = dict.fromkeys([*head, *hull, *before, *own, *after, *fell, "ok", "failed"])
     return [name for name in names if name in table or name in (SHARE_FAILED, SHARE_LOST)]
 
@@ -297,10 +298,9 @@ def key_column(key: str, labels: Sequence[Any]) -> Column:
 
 def lost_column(results: Results, rows: pd.DataFrame) -> Column:
     """Share of all lanes of these rows of `cells.csv` that failed or did not recover."""
-    found = share_lost(results).loc[rows.index].set_axis(VALUE_COLUMNS, axis="columns")
+    entries = share_lost(results).loc[rows.index].set_axis(VALUE_COLUMNS, axis="columns")
     title = f"failed or {share_name(results.study.cells)} [%]"
     ends = f"{SHARE_LOST}_low", f"{SHARE_LOST}_high"
-    entries = found.fillna(share_failed(rows))
     return Column(SHARE_LOST, title, title.translate(LATEX_ESCAPES), entries, ends, 100.0)
 
 

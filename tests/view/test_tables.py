@@ -178,6 +178,16 @@ def test_a_verdict_names_the_cells_where_all_lanes_hold_and_the_worst_ones():
     assert first == "In all 6 cells all lanes failed or ended unrecovered"
 
 
+def test_a_cell_without_attack_is_not_counted_among_those_that_hold():
+    results = results_of({"attack.magnitude": [0, 1, 2]}, True, 3)
+    results.cells["unrecovered"] = [math.nan, 0.0, 0.2]
+    first, worst, _ = tables.verdict_lines(results, results.study.cells)
+    assert one_line([first]) == (
+        "In 1 of 2 attacked cells no lane ended unrecovered: cell 1 (ā = 1 m)"
+    )
+    assert worst.startswith("At worst 20 % of lanes ended unrecovered: cell 2")
+
+
 def test_warnings_are_of_the_cells_that_are_shown():
     results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
     results.cells["tail_mean_median"] = [1e9, 0.1, 1e9]

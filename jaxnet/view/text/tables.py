@@ -23,7 +23,7 @@ from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.horizon import cuts_words, errors_words, lost_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
 from jaxnet.statistics.nominal import misfit_words
-from jaxnet.statistics.quantities import FORMATION_NOTE, definition
+from jaxnet.statistics.quantities import FORMATION_NOTE, definition, share_failed
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
     UNSETTLED_NOTE,
@@ -172,25 +172,24 @@ def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
     """Where all lanes hold, where most lanes do not, and the range of the worst errors."""
     if len(cells) < 2:
         return []
-    table, named = (
-        results.cells.loc[[c.number for c in cells]],
-        partial(numbered_words, cells=cells),
-    )
+    table = results.cells.loc[[cell.number for cell in cells]]
+    named, asked = partial(numbered_words, cells=cells), results.study.config.recovery is not None
     ways = ["failed"] * bool(table["failed"].any())
-    ways += [f"ended {recovery.share_name(cells)}"] * (results.study.config.recovery is not None)
+    ways += [f"ended {recovery.share_name(cells)}"] * asked
     lines, way = list[str](), " or ".join(ways)
+    found = columns.lost_column(results, table).entries if asked else share_failed(table)
+    shares = found["value"].dropna()
+    kind = "cells" if len(shares) == len(cells) else "attacked cells"
 
     def tell(some: pd.Series, what: str) -> None:
-        where = some.index[some].tolist()
-        many = f"{len(where)} of" if len(where) < len(some) else "all"
-        place = f": {named(where)}" * (len(where) < len(some))
-        lines.append(f"In {many} {len(some)} cells {what} {way}{place}")
+        where, of = some.index[some].tolist(), f"{len(some)} {kind} {what} {way}"
+        few = len(where) < len(some)
+        lines.append(f"In {len(where)} of {of}: {named(where)}" if few else f"In all {of}")
 
-    if ways:
-        shares = columns.lost_column(results, table).entries["value"]
-        most, none = shares.max(), shares.index[shares == 0].tolist()
-        if none or shares.min() < 1:
-            tell(*((shares == 0, "no lane") if none else (shares > 0, "some lanes")))
+    if way and len(shares):
+        none, most = shares == 0, shares.max()
+        if none.any() or shares.min() < 1:
+            tell(*((none, "no lane") if none.any() else (shares > 0, "some lanes")))
         if most == 1:
             tell(shares == 1, "all lanes")
         elif most > 0:
@@ -201,8 +200,10 @@ def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
         name, words = "outside_max", "Farthest out of the hull of the starts"
     column = columns.summary_columns(results, [name])[-1]
     known = pd.Series(column.numbers("value"), results.cells.index)[table.index].dropna()
-    places = [known.index[known == end].tolist() for end in {known.min(): 0, known.max(): 0}]
-    ends = (f"{column.text(known[those[0]])} m in {named(those)}" for those in places if those)
+    ends = [
+        f"{column.text(end)} m in {named(known.index[known == end].tolist())}"
+        for end in dict.fromkeys((known.min(), known.max()))
+    ]
     return [*lines, *[f"{words}: {' to '.join(ends)}"] * (len(known) > 0)]
 
 
@@ -375,13 +376,12 @@ def stop_reason(results: Results) -> str:
 
 def failures_text(results: Results, where: Where | None = None) -> str:
     """Failed lanes by reason, the first with the command that replays it; empty of none."""
-    known = {cell.number: cell for cell in select_cells(results.study.cells, where or {})}
+    cells = select_cells(results.study.cells, where or {})
+    known = {cell.number: cell for cell in cells}
     by_cell = {cell: kinds for cell, kinds in failed_kinds(results).items() if cell in known}
     lines = [
-        filled(
-            f"failed: {told} of {count(lanes, 'lane')} in {numbered_words(cells, [*known.values()])}"
-        )
-        for cells, told, lanes in failures_alike(results, by_cell)
+        filled(f"failed: {told} of {count(lanes, 'lane')} in {numbered_words(numbers, cells)}")
+        for numbers, told, lanes in failures_alike(results, by_cell)
     ]
     failed: Any = results.failed(sys.maxsize)[1]
     for row in failed[failed["cell"].isin([*known])].head(1).itertuples():
