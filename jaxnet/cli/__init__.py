@@ -181,6 +181,7 @@ def search_command(
         files = list(api.writing.write_search(results, told, **machines))
     errors.echo(texts.worst.search_text(results))
     errors.tell_written(files)
+    errors.tell_next("report", results.path)
 
 
 @command(A_STUDY, "schema")
@@ -373,6 +374,7 @@ def replay_command(
         again = opened.replay(cell, sample, engine)
     errors.echo(texts.tables.lane_text(opened, again.row))
     errors.tell_written([again.path])
+    errors.tell_next("animate", results, "--cell", cell, "--sample", sample)
 
 
 @command(
@@ -456,6 +458,7 @@ def sensitivity_command(
         written = list(api.writing.write_sensitivity(study, samples, out, told))
     errors.echo(texts.analyses.indices_text(stores.tables.read_table(written[0]), study, metric))
     errors.tell_written(written)
+    errors.tell_next("report", written[0].parent)
 
 
 @command(
@@ -476,6 +479,7 @@ def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str
         written = api.writing.write_rare(study, points, out, told)
     errors.echo(texts.analyses.rare_text(stores.tables.read_table(written), study))
     errors.tell_written([written])
+    errors.tell_next("report", written.parent)
 
 
 @command(

@@ -76,10 +76,10 @@ def errors_words(study: Config, cells: Sequence[Cell], named: Named = cells_name
     if not above:
         return ""
     least = min(above.values())
-    words = f"errors alone leave {least:.3g} m or more in the mean of lanes, recovery allows less"
+    words = f"errors of sensors and messages alone leave a mean error of {least:.3g} m or more"
     cut = [c.number for c in asked if known_or(False, lambda cell=c: cell.scenario.detector.acts)]
-    unknown = f"; not known where alarms cut something, in {named(cut)}" if cut else ""
-    return f"{words}, in {named([*above])}{unknown}"
+    unknown = f"; not known where alarms cut messages or links, in {named(cut)}" if cut else ""
+    return f"{words}, which recovery does not allow, in {named([*above])}{unknown}"
 
 
 @for_any_signal

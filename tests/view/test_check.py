@@ -509,8 +509,8 @@ def test_a_threshold_below_what_errors_leave_is_told(errors, known):
     sweep = {"attack.magnitude": [9 * left, 11 * left, left]}
     keys = PLAIN | {"attack": {"kind": "bias"}, "recovery": {"tau": 0.1}, "sweep": sweep}
     text = one_line(check.check_text(systems.study(**keys, **errors)))
-    told = f"errors alone leave {left:.3g} m or more in the mean of lanes, recovery allows less, in"
-    assert f"WARNING: {told} cells 0, 2 (" in text
+    told = f"leave a mean error of {left:.3g} m or more, which recovery does not allow, in"
+    assert f"WARNING: errors of sensors and messages alone {told} cells 0, 2 (" in text
     detector = {"kind": "chi_squared", "false_alarms": 1e-3, "cuts": "message"}
     sweep |= {"detector": ["none", detector]}
     text = one_line(check.check_text(systems.study(**keys | {"sweep": sweep}, **errors)))
