@@ -104,3 +104,9 @@ def test_a_run_keeps_the_figures_of_an_analysis(shelf, tmp_path):
         jaxnet.run(STUDY | {"samples": 4}, out, progress=False)
     assert len(before) == 4
     assert sorted((out / "figures").iterdir()) == before
+
+
+def test_a_rare_failure_may_come_of_noise(tmp_path):
+    """Its numbers are no key of the config."""
+    noisy = STUDY | {"channel": {"noise": {"position": 0.1}}}
+    assert 0 <= jaxnet.rare(noisy, 100, tmp_path / "noisy")["share"][0] <= 1

@@ -82,7 +82,7 @@ def in_hundredths(estimate: float, low: float, high: float) -> str:
 def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
     chosen: Any = table[table["metric"] == metric]
     rows, labels = named_cells(chosen["cell"].tolist(), study)
-    rows["quantity"] = chosen["quantity"].tolist()
+    rows["quantity"] = [each.removesuffix(".key") for each in chosen["quantity"]]  # noise, loss
     for order in ("first", "total"):
         indices = zip(*(chosen[f"{order}{end}"] for end in ("", "_low", "_high")), strict=True)
         rows[order] = [in_hundredths(*each) for each in indices]

@@ -418,7 +418,10 @@ def lane_text(results: Results, row: pd.Series) -> str:
     """Row of a lane, and whether the stored row equals it."""
     stored = results.row(*map(int, row.loc[["cell", "sample"]].tolist()))
     room = terminal_width() - 4 - max(map(len, row.index))
-    lines = row.map(lambda value: cut_text(value, room)).to_string()
+    lines = row.dropna().map(lambda value: cut_text(value, room)).to_string()
+    status = str(row["status"])
+    if status in FAILURE_REASONS:
+        lines = f"{lines}\n{filled(f'{status}: {FAILURE_REASONS[status]}')}"
     if stored is None:
         return f"{lines}\nno such row is stored"
     known: Any = row[stored.index]  # without columns that earlier versions had not
