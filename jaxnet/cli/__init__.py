@@ -44,7 +44,6 @@ from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES
 api = LazyPackage("jaxnet.api")
 configs = LazyPackage("jaxnet.config")
 engines = LazyPackage("jaxnet.engine")
-sensitivities = LazyModule("jaxnet.explore.sensitivity")
 shards = LazyModule("jaxnet.runs.shards")
 stores = LazyPackage("jaxnet.store")
 texts = LazyPackage("jaxnet.view.text")
@@ -452,8 +451,6 @@ def sensitivity_command(
     if metric not in known:
         told = f"one of {', '.join(known)} (got {metric})"
         raise click.BadParameter(told, param_hint="--metric")
-    lanes = sensitivities.lanes_needed(study, samples)
-    errors.echo(texts.analyses.plan_text(lanes, samples), err=True)
     with texts.progress.report_steps() as told:
         written = list(api.writing.write_sensitivity(study, samples, out, told))
     errors.echo(texts.analyses.indices_text(stores.tables.read_table(written[0]), study, metric))

@@ -77,9 +77,7 @@ def errors_words(study: Config, cells: Sequence[Cell], named: Named = cells_name
         return ""
     least = min(above.values())
     words = f"errors of sensors and messages alone leave a mean error of {least:.3g} m or more"
-    cut = [c.number for c in asked if known_or(False, lambda cell=c: cell.scenario.detector.acts)]
-    unknown = f"; not known where alarms cut messages or links, in {named(cut)}" if cut else ""
-    return f"{words}, which recovery does not allow, in {named([*above])}{unknown}"
+    return f"{words}, which recovery does not allow, in {named([*above])}"
 
 
 @for_any_signal

@@ -37,7 +37,6 @@ from jaxnet.statistics.choice import Where, select_cells, swept_key
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
 from jaxnet.statistics.quantities import (
-    VALUE_COLUMNS,
     asked_quantity,
     metric_and_statistic,
     metric_title,
@@ -205,6 +204,7 @@ def summary_columns(
     found += [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
     wanted = [known_column(name, table, keys) for name in names]
     if not names:
+        table = table.join(share_lost(results).set_axis(share_names(SHARE_LOST), axis="columns"))
         wanted = default_columns(results.study.config, table.iloc[numbers], every)
         if reduced := reduced_amplitudes(cells):
             # by which attacks shift positions, below ā where they are fast
@@ -213,10 +213,8 @@ def summary_columns(
             found.append(plain_column("amplitude", sizes, title, "amplitude [m]", MAGNITUDE))
     sizes = known_or(np.full(len(every), np.nan), lambda: cell_magnitudes(results))[numbers]
     for name in wanted:
-        rows = table.iloc[numbers].assign(size=sizes)
-        if name == SHARE_LOST:
-            found.append(lost_column(results, rows))
-        elif name not in keys:
+        if name not in keys:
+            rows = table.iloc[numbers].assign(size=sizes)
             found.append(statistic_column(name, rows, results.study.config, every))
     return found
 
@@ -287,7 +285,7 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     lost = fell and study.recovery is not None and any(attack_size(cell) > 0 for cell in cells)
     head = [SHARE_LOST] if lost else [*fell, first]
     names = dict.fromkeys([*head, *hull, *before, *own, *after, *fell, "ok", "failed"])
-    return [name for name in names if name in table or name in (SHARE_FAILED, SHARE_LOST)]
+    return [name for name in names if name in table or name == SHARE_FAILED]
 
 
 def key_column(key: str, labels: Sequence[Any]) -> Column:
@@ -296,22 +294,16 @@ def key_column(key: str, labels: Sequence[Any]) -> Column:
     return plain_column(key, labels, quantity(key), latex, key)
 
 
-def lost_column(results: Results, rows: pd.DataFrame) -> Column:
-    """Share of all lanes of these rows of `cells.csv` that failed or did not recover."""
-    entries = share_lost(results).loc[rows.index].set_axis(VALUE_COLUMNS, axis="columns")
-    title = f"failed or {share_name(results.study.cells)} [%]"
-    ends = f"{SHARE_LOST}_low", f"{SHARE_LOST}_high"
-    return Column(SHARE_LOST, title, title.translate(LATEX_ESCAPES), entries, ends, 100.0)
-
-
 def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequence[Cell]) -> Column:
     """A column of `cells.csv` with its interval, if it has one; `rows` have the `size` too."""
     if name in COUNTS:
         return plain_column(name, rows[name].tolist(), COUNTS[name])
-    if name == SHARE_FAILED:
-        title, ends = "failed [%]", (f"{name}_low", f"{name}_high")
+    if name in (SHARE_FAILED, SHARE_LOST):
+        title = f"failed{f' or {share_name(cells)}' * (name == SHARE_LOST)} [%]"
+        ends = f"{name}_low", f"{name}_high"
         latex = title.translate(LATEX_ESCAPES)
-        return Column(name, title, latex, share_failed(rows), ends, 100.0)
+        lost = stored_values(rows, share_names(name))
+        return Column(name, title, latex, lost if name in rows else share_failed(rows), ends, 100.0)
     stem = name.removesuffix("_low").removesuffix("_high")
     names, entries = [name], stored_values(rows, [name])
     shares, endless = lane_shares(study), "inf"

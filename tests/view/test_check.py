@@ -95,9 +95,9 @@ FACTS = [
     ({"defence": ANNOUNCED}, "guarantee", "announced: by majority"),
     ({"defence": "trust"}, "guarantee", "none: whoever stays within the radius"),
     ({"defence": {"kind": "trust", "observation": "random"}}, "guarantee", "by earned trust"),
-    (CUT_OFF, "cut off", "2, 3 may be cut off from the navigator, depending on the values"),
+    (CUT_OFF, "cut off", "2, 3 may be cut off from the navigator, depending on values"),
     # a verdict that is sure has no line that doubts it: W-MSR, F = 1, trusts 2 at 3 alone
-    (DROPPED, "cut off", "2, 4 drop all sources (F too great); 3 then hears nobody that the navi"),
+    (DROPPED, "cut off", "2-4 drop all sources (F too great), or hear only vehicles that do"),
     # laws: growths of an independent program
     (ROUNDS, "law", "UNSTABLE, deviations times 1.0458 at each tick of 0.05 s; 2 rounds are"),
     (ROUNDS, "law", "; stability is known only while all sources are retained"),

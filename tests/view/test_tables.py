@@ -68,11 +68,8 @@ def test_the_headline_is_the_median_with_its_interval():
     assert [each.texts()[0] for each in shown[2:5]] == ["0.123 [0.123, 0.123]", "1.12", "0.123"]
     notes = tables.summary_notes(results, shown)
     assert notes[0] == "[low, high] of error, median: 95 % intervals of order statistics"
-    assert notes[1] == "mean without interval: fewer than 28 lanes: cells 0, 1"
-    results.cells["ok"] = [28, 27]
-    notes = tables.summary_notes(results, shown)
-    assert notes[1] == "mean without interval: fewer than 28 lanes: cell 1"
-    assert notes[2].endswith("(n < 28 + 25 G², G: skewness): cell 0")
+    why = "fewer than 28 lanes, or too few for so skewed values"
+    assert notes[1] == f"mean without interval: {why}: cells 0, 1"
     results.cells.loc[1, ["tail_mean_low", "tail_mean_high"]] = 1.0, 1.2
     shown = columns.summary_columns(results, ["tail_mean_mean"])
     assert shown[-1].texts() == ["0.123 [-]", "1.12 [1, 1.2]"]
@@ -84,12 +81,11 @@ def test_lanes_that_agree_are_told_so():
     results.cells.loc[1, "tail_mean_max"] = results.cells.loc[1, "tail_mean_mean"]
     shown = columns.summary_columns(results, ["tail_mean"])
     assert shown[-1].texts() == ["0.123 [0.123, 0.123]", "1.12 (alike)"]
-    (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
-    assert "at least 5, have the same error, median (cell 1); of all possible" in note
-    assert "at most 45.1 % have another value" in note
+    told = "(alike): all lanes of the cell have the same value"
+    most = "; at most 45.1 % of all possible lanes have another, with 95 % confidence"
+    assert told + most in tables.summary_notes(results, shown)
     results.study.config = results.study.config.model_copy(update={"draws": "sobol"})
-    notes = tables.summary_notes(results, shown)
-    assert "alike: all lanes of a cell, at least 5, have the same error, median (cell 1)" in notes
+    assert told in tables.summary_notes(results, shown)
     rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
     results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
     shown = columns.summary_columns(results, ["tail_mean", "tail_mean_mean"])
@@ -465,26 +461,15 @@ def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(mo
     assert "alarms, mean" in " ".join(" ".join(lines).partition("left out: ")[2].split())
 
 
-@pytest.mark.parametrize(("draws", "why"), [("random", "so few lanes"), ("sobol", "Sobol")])
 @pytest.mark.parametrize(("most", "shown"), [(0.158, "[-]"), (0.139, "(alike)")])
-def test_a_slope_without_an_interval_says_why(draws, why, most, shown, monkeypatch):
-    """Equal lanes need none; the worst error comes with the number of independent lanes."""
-    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
-    results.study.config = results.study.config.model_copy(update={"draws": draws})
+def test_a_slope_without_an_interval_says_why(most, shown, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")
-    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 60)
-    fits = {
-        ("tail_mean", each): (size, math.nan, math.nan)
-        for each, size in {None: 0.139, 1.0: most}.items()
-    }
-    text = " ".join(slopes.errors_text(results, [curve_of(2, fits)]).split())
+    sizes = {None: 0.139, 1.0: most}
+    fits = {("tail_mean", each): (size, math.nan, math.nan) for each, size in sizes.items()}
+    text = one_line([slopes.errors_text([curve_of(2, fits)])])
     assert f"0.139 ā {shown} 1 ā" in text
-    assert (
-        f"[-]: no interval is known {'of' if draws == 'random' else 'for draws of'} {why}" in text
-    ) is (shown == "[-]")
+    assert ("[-]: too few independent lanes for an interval" in text) is (shown == "[-]")
     assert ("(alike): all lanes have the same error per ā" in text) is (shown == "(alike)")
-    told = "worst error: of the 60 lanes of each ā; at most 4.87 % of all possible lanes are above"
-    assert (told in text) is (draws == "random")
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():
@@ -502,16 +487,14 @@ def test_a_worst_lane_comes_with_the_number_of_lanes():
     ("slope", "error", "told"),
     [(0.0, 1e-12, "0 ā"), (7.0, 1e-12, "7 ā"), (2.0, 0.5, "2 ā"), (math.nan, 1e-12, None)],
 )
-def test_a_bound_stands_in_multiples_of_the_attack(slope, error, told, monkeypatch):
+def test_a_bound_stands_in_multiples_of_the_attack(slope, error, told):
     """Whatever the worst error beside it is, 0 too; a bound that no group has has no column."""
-    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 60)
     curve = curve_of(2, {("tail_mean", None): (error, math.nan, math.nan)})
     curve.cells["tail_max_max"] = error * curve.sizes
     curve = curve._replace(bounds={("static", "worst"): slope, ("lyapunov_printed", "worst"): 9.0})
-    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
     table = slopes.curve_texts(curve)
     assert table["worst error"] == f"{0 if error < 1e-9 else error:g} ā"
-    text = slopes.errors_text(results, [curve])
+    text = slopes.errors_text([curve])
     assert table["static"] == (told or "-")
     assert ("static: bounds of theory" in text) is (told is not None)
     assert "9 ā" not in text  # false in general
@@ -534,19 +517,6 @@ def test_fits_show_swept_values_as_the_summary_does():
     assert [*map(str, table)] == [*labels, "mean"]
     assert [str(each) for (each,) in table.values()] == ["1 drawn", "W-MSR", "0.1"]
     assert "attacked" in labels[0]
-
-
-def test_a_quantile_of_nothing_beside_a_great_lane_says_how_many_are_off():
-    """At most the lanes above the 95 % quantile: 1 of 30, 4 of 81."""
-    results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
-    results.cells["ok"] = [30, 81, 30]
-    results.cells["tail_mean_q95"] = [0.0, 1e-10, 0.5]
-    found = columns.summary_columns(results, ["tail_mean_q95"])
-    told = [each for each in tables.summary_notes(results, found) if "are off" in each]
-    assert told == [
-        "error, 95 % quantile 0: up to 1 of 30 lanes are off: cell 0",
-        "error, 95 % quantile 0: up to 4 of 81 lanes are off: cell 1",
-    ]
 
 
 def test_where_lanes_failed_their_share_comes_first_with_its_interval(monkeypatch):

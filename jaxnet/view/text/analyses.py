@@ -1,6 +1,5 @@
 """Output of a search, a sensitivity analysis and rare failures, beside the summary of a run."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pandas as pd
 from jaxnet.config.cells import judged_metric
 from jaxnet.config.naming import worded
 from jaxnet.config.study import Study
-from jaxnet.model.wording import count
 from jaxnet.statistics.quantities import TITLES
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_text
@@ -62,14 +60,6 @@ def named_cells(numbers: list[int], study: Study) -> tuple[dict[str, list[Any]],
 def rare_rows(table: pd.DataFrame) -> pd.DataFrame:
     """Rows of `rare.csv` with titles in words."""
     return table.drop(columns=["points", "threshold"]).rename(columns=RARE_TITLES)
-
-
-def plan_text(lanes: Mapping[int, int], samples: int) -> str:
-    most = max(lanes.values()) // samples - 2
-    return (
-        f"{count(sum(lanes.values()), 'lane')}: in each of {count(len(lanes), 'cell')} {samples:,}"
-        f" for each quantity drawn (at most {most}), and 2 × {samples:,} more"
-    )
 
 
 def in_hundredths(estimate: float, low: float, high: float) -> str:

@@ -102,13 +102,10 @@ def cut_off_words(lost: list[int], scenario: Scenario) -> str:
     """The vehicles that are cut off in every run, and those that may be."""
     (graph, *_), silent = attacked_at_once(scenario), dropping_all(scenario)
     surely = unreachable(graph.only(graph.heard & ~silent[:, None])) if silent.any() else []
-    behind = ranges([each for each in surely if not silent[each - 1]])
-    who, maybe = ranges(vehicle_numbers(silent)), [each for each in lost if each not in surely]
-    perhaps = "may be cut off from the navigator, depending on the values received"
+    maybe = [each for each in lost if each not in surely]
     told = {
-        f"{who} drop{plural_s(who)} all sources (F too great)": surely,
-        f"{behind} then hear{plural_s(behind)} nobody that the navigator reaches": behind,
-        f"{ranges(maybe)} {perhaps}": maybe,
+        f"{ranges(surely)} drop all sources (F too great), or hear only vehicles that do": surely,
+        f"{ranges(maybe)} may be cut off from the navigator, depending on values received": maybe,
     }
     return "; ".join(words for words, those in told.items() if those)
 

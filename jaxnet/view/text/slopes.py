@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.naming import worded
-from jaxnet.model.wording import count_between, number_text
+from jaxnet.model.wording import number_text
 from jaxnet.statistics import intervals
 from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.fits import ENVELOPE, whole_draws
+from jaxnet.statistics.fits import ENVELOPE
 from jaxnet.statistics.limits import at_once_words, unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.recovery import lowered_words
 from jaxnet.store.results import Results
@@ -38,13 +38,13 @@ NOTES = {  # by a text of a table
     FAILED: "failed: all lanes failed",
     ALIKE: "(alike): all lanes have the same error per ā",
     ONE_MAGNITUDE: "one ā: lanes ended at one magnitude alone; the error per ā there, no fit",
-    NO_INTERVAL: "[-]: no interval is known of so few lanes",
+    NO_INTERVAL: "[-]: too few independent lanes for an interval",
 }
 
 
 def fit_text(results: Results) -> str:
     found, cells = curves(results), results.study.cells
-    parts = [errors_text(results, found)]
+    parts = [errors_text(found)]
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
     told = no_magnitudes(found), falling_words(results, cells), lowered_words(results, cells)
@@ -52,7 +52,7 @@ def fit_text(results: Results) -> str:
     return "\n\n".join(filter(None, parts))
 
 
-def errors_text(results: Results, found: Sequence[Curve]) -> str:
+def errors_text(found: Sequence[Curve]) -> str:
     """The mean error, the worst error and its bounds for each group, with notes."""
     if not any(curve.fits or curve.bounds for curve in found):
         return ""
@@ -61,17 +61,8 @@ def errors_text(results: Results, found: Sequence[Curve]) -> str:
     table = {name: values for name, values in table.items() if name not in unknown}
     shown = fitted_columns(table, labels, DROP_ORDER)
     lines = [filled(TITLE), fitted_text(table, labels, DROP_ORDER, "fit.csv and bounds.csv")]
-    told = [str(text) for values in shown.values() for text in values]
-    independent = results.study.config.draws == "random"
-    notes = dict(NOTES)
-    if not independent:
-        notes[NO_INTERVAL] = "[-]: no interval is known for draws of Sobol's sequences"
-    lines += [filled(note) for text, note in notes.items() if any(text in each for each in told)]
-    draws = [whole_draws(results, curve.group) for curve in found]
-    if independent and all(draws) and {*shown[WORST]} - {"-"}:
-        share = number_text(100 * (1 - intervals.below_greatest(min(draws))))
-        words = f"worst error: of the {count_between(draws, 'lane')} of each ā; at most {share} %"
-        lines.append(filled(f"{words} of all possible lanes are above, with 95 % confidence"))
+    told = [*shown[MEAN], *shown.get(INTERVAL, ())]
+    lines += [filled(note) for text, note in NOTES.items() if any(text in each for each in told)]
     if bounds := [title for title in BOUNDS.values() if title in shown]:
         lines.append(filled(BOUNDS_LEGEND.format(", ".join(bounds))))
     return "\n".join(lines)

@@ -16,12 +16,12 @@ from jaxnet.config.sweep import is_joint
 from jaxnet.kinds.metrics import AGREEMENT, COLUMNS_OF_METRIC, CONTRACT
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
 from jaxnet.statistics import recovery
-from jaxnet.statistics.amplitude import amplitude_note, without_rounding
+from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import failed_kinds, mostly_failed
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.horizon import cuts_words, errors_words, lost_words
-from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
+from jaxnet.statistics.intervals import LEAST_LANES, below_greatest
 from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition, share_failed
 from jaxnet.statistics.recovery import confidence_told
@@ -31,6 +31,7 @@ from jaxnet.statistics.summary import (
     lane_shares,
     unsettled_shares,
 )
+from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -158,7 +159,6 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes.append(f"{failed:,} of {count(int(total), 'lane')} failed; {whose}")
     if any(each.has_rounding() for each in shown):
         notes.append("errors below 1e-9 ā (1e-9 m without an attack) are shown as 0")
-        notes += off_lines(results, shown)
     if names & {"tail_max_max", "spread_max", "outside_max"} and lanes.any() and independent:
         most = lanes.drop(index=mostly_failed(results), errors="ignore")
         many = (most if most.any() else lanes)[lanes > 0].astype(int)
@@ -177,8 +177,8 @@ def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
     ways = ["failed"] * bool(table["failed"].any())
     ways += [f"ended {recovery.share_name(cells)}"] * asked
     lines, way = list[str](), " or ".join(ways)
-    found = columns.lost_column(results, table).entries if asked else share_failed(table)
-    shares = found["value"].dropna()
+    lost = share_lost(results)["unrecovered"][table.index]
+    shares = lost.dropna() if asked else share_failed(table)["value"]
     kind = "cells" if len(shares) == len(cells) else "attacked cells"
 
     def tell(some: pd.Series, what: str) -> None:
@@ -188,7 +188,7 @@ def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
 
     if way and len(shares):
         none, most = shares == 0, shares.max()
-        if none.any() or shares.min() < 1:
+        if shares.min() < 1:
             tell(*((none, "no lane") if none.any() else (shares > 0, "some lanes")))
         if most == 1:
             tell(shares == 1, "all lanes")
@@ -209,15 +209,15 @@ def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
 
 def grave_warnings(results: Results, some: Sequence[Cell] | None = None) -> list[str]:
     """Why errors of these cells (None: all) are not ultimate, or no errors of a whole fleet."""
+    named = partial(numbered_words, cells=some) if some else cells_named
     cells = some or results.study.cells
-    lost = lost_words(results, cells, partial(numbered_words, cells=cells))
-    return [*filter(None, [lost, falling_words(results, cells)])]
+    return [*filter(None, [lost_words(results, cells, named), falling_words(results, cells)])]
 
 
 def other_warnings(results: Results, some: Sequence[Cell] | None = None) -> list[str]:
     """What else than the attack may decide in these cells, or may not fit presumptions."""
+    named = partial(numbered_words, cells=some) if some else cells_named
     config, cells = results.study.config, some or results.study.cells
-    named = partial(numbered_words, cells=cells)
     told = errors_words(config, cells, named), cuts_words(cells, named)
     told += recovery.lowered_words(results, cells), *misfit_words(results, cells)
     return [*filter(None, told)]
@@ -247,48 +247,20 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
 
 
 def missing_lines(shown: Sequence[Column], lanes: pd.Series, independent: bool) -> list[str]:
-    """Notes on cells whose `lanes` all agree, and on those whose mean has no interval."""
-    alike, without = dict[tuple[int, ...], list[str]](), set[int]()
-    for each in shown:
-        entries: Any = each.entries
-        if "alike" in entries:
-            same = tuple(sorted(entries.index[entries["alike"]]))
-            alike.setdefault(same, []).append(each.title.partition(" [")[0])
-            if not each.name.removesuffix(" [m]").endswith("median"):
-                none = entries["value"].notna() & entries["low"].isna()
-                without |= {*entries.index[none & ~entries["alike"]]}
-    many = lanes.to_dict()
-    few = {cell for cell in without if many[cell] < LEAST_LANES}
-    reasons = {f"fewer than {LEAST_LANES} lanes": few, TOO_SKEWED: without - few}
-    notes = [
-        f"mean without interval: {why}: {cells_named(sorted(some))}"
-        for why, some in reasons.items()
-        if some
-    ]
-    alike.pop((), None)
+    """What (alike) says of cells with these `lanes`, and which cells' means have no interval."""
+    alike, without, notes = set[int](), set[int](), list[str]()
+    for entries in (each.entries for each in shown if "alike" in each.entries):
+        same: Any = entries["alike"]
+        alike |= {*entries.index[same]}
+        without |= {*entries.index[entries["value"].notna() & entries["low"].isna() & ~same]}
+    if without:
+        why = f"fewer than {LEAST_LANES} lanes, or too few for so skewed values"
+        notes.append(f"mean without interval: {why}: {cells_named(sorted(without))}")
     if alike:
-        told = (f"{'; '.join(mine)} ({cells_named(some)})" for some, mine in alike.items())
-        fewest = min(int(many[cell]) for some in alike for cell in some)
-        words = f"alike: all lanes of a cell, at least {fewest}, have the same {'; '.join(told)}"
-        most = f"; of all possible lanes at most {share_beyond(fewest)} have another value"
-        notes.append(words + f"{most}, with 95 % confidence" * independent)
+        most = share_beyond(int(lanes.loc[sorted(alike)].min()))
+        words = f"; at most {most} of all possible lanes have another, with 95 % confidence"
+        notes.append("(alike): all lanes of the cell have the same value" + words * independent)
     return notes
-
-
-def off_lines(results: Results, shown: Sequence[Column]) -> list[str]:
-    """How many lanes are off in cells whose 95 % quantile reads 0, but not their greatest value."""
-    found = dict[str, list[int]]()
-    for each in shown:
-        if each.name.endswith("_q95") and "size" in each.entries:
-            title, table = each.title.partition(" [")[0], each.entries[["value", "size"]]
-            beside = results.cells[["ok", each.name.replace("_q95", "_max")]]
-            for cell, value, size, lanes, most in table.join(beside).itertuples():
-                few = int(0.05 * (lanes - 1) + 1e-9)  # above 95 %
-                told = f"{title} 0: up to {few} of {count(int(lanes), 'lane')} are off"
-                low, high = (without_rounding(each, size) for each in (value, most))
-                if low == 0 < high:
-                    found.setdefault(told, []).append(cell)
-    return [f"{words}: {cells_named(cells)}" for words, cells in found.items()]
 
 
 def share_beyond(lanes: int) -> str:
