@@ -432,7 +432,7 @@ def curve_of(
         ((math.nan,) * 3, (2, {}), "flat -"),
         ((5e-20, 4e-20, 0.35), (2, {}), "0 ā [0, 0.35]"),
         (None, (2, {}), "- -"),
-        (None, (0, {}), "failed -"),
+        (None, (0, {}), "all failed -"),
     ],
 )
 def test_a_slope_is_told_or_why_there_is_none(fit, errors, words):

@@ -30,12 +30,11 @@ BOUNDS_LEGEND = (
     "{}: bounds of theory for any vehicle, each of which holds for this attack; a dash: no bound is"
     " known"
 )
-FLAT, BENT, FAILED, ONE_MAGNITUDE = "flat", "bent", "failed", "one ā: "
+FLAT, BENT, FAILED, ONE_MAGNITUDE = "flat", "bent", "all failed", "one ā: "
 NO_INTERVAL, ALIKE = "[-]", "(alike)"
 NOTES = {  # by a text of a table
     FLAT: "flat: errors of greater ā are not greater",
     BENT: "bent: errors rise with ā, but not in proportion",
-    FAILED: "failed: all lanes failed",
     ALIKE: "(alike): all lanes have the same error per ā",
     ONE_MAGNITUDE: "one ā: lanes ended at one magnitude alone; the error per ā there, no fit",
     NO_INTERVAL: "[-]: too few independent lanes for an interval",
@@ -61,7 +60,7 @@ def errors_text(found: Sequence[Curve]) -> str:
     table = {name: values for name, values in table.items() if name not in unknown}
     shown = fitted_columns(table, labels, DROP_ORDER)
     lines = [filled(TITLE), fitted_text(table, labels, DROP_ORDER, "fit.csv and bounds.csv")]
-    told = [*shown[MEAN], *shown.get(INTERVAL, ())]
+    told = [*map(str, shown[MEAN]), *map(str, shown.get(INTERVAL, ()))]
     lines += [filled(note) for text, note in NOTES.items() if any(text in each for each in told)]
     if bounds := [title for title in BOUNDS.values() if title in shown]:
         lines.append(filled(BOUNDS_LEGEND.format(", ".join(bounds))))

@@ -172,16 +172,16 @@ def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
     """Where all lanes hold, where most lanes do not, and the range of the worst errors."""
     if len(cells) < 2:
         return []
-    table = results.cells.loc[[cell.number for cell in cells]]
+    table: Any = results.cells.loc[[cell.number for cell in cells]]
     named, asked = partial(numbered_words, cells=cells), results.study.config.recovery is not None
     ways = ["failed"] * bool(table["failed"].any())
     ways += [f"ended {recovery.share_name(cells)}"] * asked
     lines, way = list[str](), " or ".join(ways)
-    lost = share_lost(results)["unrecovered"][table.index]
-    shares = lost.dropna() if asked else share_failed(table)["value"]
+    lost: Any = share_lost(results)["unrecovered"]
+    shares: Any = lost[table.index].dropna() if asked else share_failed(table)["value"]
     kind = "cells" if len(shares) == len(cells) else "attacked cells"
 
-    def tell(some: pd.Series, what: str) -> None:
+    def tell(some: Any, what: str) -> None:
         where, of = some.index[some].tolist(), f"{len(some)} {kind} {what} {way}"
         few = len(where) < len(some)
         lines.append(f"In {len(where)} of {of}: {named(where)}" if few else f"In all {of}")
@@ -199,7 +199,8 @@ def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
     if is_leaderless(cells):
         name, words = "outside_max", "Farthest out of the hull of the starts"
     column = columns.summary_columns(results, [name])[-1]
-    known = pd.Series(column.numbers("value"), results.cells.index)[table.index].dropna()
+    lengths: Any = pd.Series(column.numbers("value"), results.cells.index)
+    known = lengths[table.index].dropna()
     ends = [
         f"{column.text(end)} m in {named(known.index[known == end].tolist())}"
         for end in dict.fromkeys((known.min(), known.max()))
