@@ -1,6 +1,7 @@
 """Folders of `sensitivity` and `rare`, in which no run of the study is: shown, drawn."""
 
 import re
+import shutil
 
 import pandas as pd
 import pytest
@@ -91,3 +92,21 @@ def test_what_needs_lanes_says_so(shelf, words):
     """In one line, with the command that adds a run."""
     command, *rest = words
     assert "holds sensitivity and no run" in said(command, shelf / "sens", *rest, status=2)
+
+
+def test_a_run_keeps_the_figures_of_an_analysis(shelf, tmp_path):
+    """They are not made of its rows, as other figures are."""
+    out = tmp_path / "sens"
+    shutil.copytree(shelf / "sens", out)
+    before = sorted((out / "figures").iterdir())
+    (out / "figures" / "tails.png").write_bytes(b"")
+    with pytest.warns(UserWarning, match="made of the rows before: figures "):
+        jaxnet.run(STUDY | {"samples": 4}, out, progress=False)
+    assert len(before) == 4
+    assert sorted((out / "figures").iterdir()) == before
+
+
+def test_a_rare_failure_may_come_of_noise(tmp_path):
+    """Its numbers are no key of the config."""
+    noisy = STUDY | {"channel": {"noise": {"position": 0.1}}}
+    assert 0 <= jaxnet.rare(noisy, 100, tmp_path / "noisy")["share"][0] <= 1

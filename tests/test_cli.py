@@ -112,6 +112,16 @@ def test_check_names_the_run_of_what_it_checked(config):
     assert done.stderr == f"next: jaxnet run {config} 'gain=[1, 3, 3]'\n"
 
 
+@pytest.mark.parametrize(
+    ("command", "option"), [("sensitivity", "--samples=30"), ("rare", "--points=100")]
+)
+def test_an_analysis_names_the_report(config, tmp_path, command, option):
+    keys = ["attack=bias", "recovery={tau: 0.2}", "gain=[{uniform: [1, 2]}, 3, 3]"]
+    done = jaxnet_does(command, config, *keys, option, "--out", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    assert done.stderr.splitlines()[-1] == f"next: jaxnet report {tmp_path}"
+
+
 @pytest.fixture(scope="module")
 def swept(config):
     """Results of four cells, two of them with a label that has braces."""
@@ -212,6 +222,8 @@ def test_replay_gives_the_stored_row_again(finished):
     lane = xr.open_zarr(out / "replays" / "cell-0-sample-1.zarr")
     assert (lane["cell"].values.tolist(), lane["sample"].values.tolist()) == ([0], [1])
     assert "wrote" in done.stderr
+    next_step = f"next: jaxnet animate {out} --cell 0 --sample 1"
+    assert done.stderr.splitlines()[-1] == next_step
     beyond = jaxnet_does("replay", out, "--cell", 0, "--sample", 2)
     assert beyond.exit_code == 2
     assert "samples 0 to 1 (got cell 0, sample 2)" in beyond.stderr

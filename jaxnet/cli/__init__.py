@@ -44,7 +44,6 @@ from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES
 api = LazyPackage("jaxnet.api")
 configs = LazyPackage("jaxnet.config")
 engines = LazyPackage("jaxnet.engine")
-sensitivities = LazyModule("jaxnet.explore.sensitivity")
 shards = LazyModule("jaxnet.runs.shards")
 stores = LazyPackage("jaxnet.store")
 texts = LazyPackage("jaxnet.view.text")
@@ -181,6 +180,7 @@ def search_command(
         files = list(api.writing.write_search(results, told, **machines))
     errors.echo(texts.worst.search_text(results))
     errors.tell_written(files)
+    errors.tell_next("report", results.path)
 
 
 @command(A_STUDY, "schema")
@@ -242,7 +242,7 @@ def show_command(
         told = [texts.analyses.analyses_text(opened)]
         if opened.has_run:
             table = texts.tables.summary_text(opened, *chosen, most)
-            told = [table, texts.tables.failures_text(opened), *told]
+            told = [table, texts.tables.failures_text(opened, where), *told]
         errors.echo("\n\n".join(filter(None, told)))
         errors.tell_next("report", results)
     elif opened.has_run:
@@ -373,6 +373,7 @@ def replay_command(
         again = opened.replay(cell, sample, engine)
     errors.echo(texts.tables.lane_text(opened, again.row))
     errors.tell_written([again.path])
+    errors.tell_next("animate", results, "--cell", cell, "--sample", sample)
 
 
 @command(
@@ -450,12 +451,11 @@ def sensitivity_command(
     if metric not in known:
         told = f"one of {', '.join(known)} (got {metric})"
         raise click.BadParameter(told, param_hint="--metric")
-    lanes = sensitivities.lanes_needed(study, samples)
-    errors.echo(texts.analyses.plan_text(lanes, samples), err=True)
     with texts.progress.report_steps() as told:
         written = list(api.writing.write_sensitivity(study, samples, out, told))
     errors.echo(texts.analyses.indices_text(stores.tables.read_table(written[0]), study, metric))
     errors.tell_written(written)
+    errors.tell_next("report", written[0].parent)
 
 
 @command(
@@ -476,6 +476,7 @@ def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str
         written = api.writing.write_rare(study, points, out, told)
     errors.echo(texts.analyses.rare_text(stores.tables.read_table(written), study))
     errors.tell_written([written])
+    errors.tell_next("report", written.parent)
 
 
 @command(

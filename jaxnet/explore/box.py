@@ -69,6 +69,8 @@ def places_of(scenario: Scenario, source: Source) -> list[Place]:
 
 
 def value_at(scenario: Scenario, place: Place) -> object:
+    if place.name.endswith(".key"):  # of what is drawn anew at each tick, such as noise
+        return fields.Uniform(uniform=[0.0, 1.0])
     value = operator.attrgetter(place.name)(scenario)
     match value:
         case list():

@@ -27,18 +27,20 @@ from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import DERIVED, Folder, FolderError, TakenError
 from jaxnet.store.layout import Shard
-from jaxnet.store.manifest import (
-    changed_settings,
-    digest,
-    manifest_entries,
-    samples_of_cells,
-)
+from jaxnet.store.manifest import changed_settings, digest, manifest_entries, samples_of_cells
 from jaxnet.store.tables import csv_text
 
 ReportTally = Callable[[Tally], None]
 Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
 SEARCHED = ("search.csv", "worst.csv", "worst.yaml", "worst")  # jaxnet search goes on from search/
 CHOSEN_STORE = "trajectories.zarr"
+
+
+def made_of_rows(folder: Folder) -> list[str]:
+    """What is made of rows, but for figures of a sensitivity analysis, which simulates its own."""
+    figures = (f"figures/{each.name}" for each in folder.path.glob("figures/*"))
+    others = [name for name in figures if not name.startswith("figures/sensitivity")]
+    return [*(name for name in DERIVED if name != "figures"), *others]
 
 
 class Run:
@@ -177,7 +179,7 @@ class Run:
         concerned = {shard.cell.number: shard.cell for shard in todo}
         shards.try_kinds(self.study, [*concerned.values()], self.machine, work.series)
         if work.filled is not None and (todo or not self.folder.manifest["finished"]):
-            self.clear_derived()
+            self.clear_derived("made of the rows before", made_of_rows(self.folder))
 
         def load_done(lanes: int) -> None:
             tally.under_way += lanes
@@ -201,12 +203,11 @@ class Run:
         told = f"made with another {' and '.join(changed)}"
         self.clear_derived(told, (*DERIVED, *(SEARCHED if searched else ())))
 
-    def clear_derived(
-        self, told: str = "made of the rows before", names: Sequence[str] = DERIVED
-    ) -> None:
+    def clear_derived(self, told: str, names: Sequence[str]) -> None:
         """Remove `cells.csv`, and with a warning those of these files that are there."""
         if taken := [name for name in names if (self.folder.path / name).exists()]:
-            removed = f"removing what was {told}: {', '.join(taken)} (jaxnet report makes it again)"
+            whole = ", ".join(dict.fromkeys(name.partition("/")[0] for name in taken))
+            removed = f"removing what was {told}: {whole} (jaxnet report makes it again)"
             warnings.warn(f"{self.folder.path}: {removed}", stacklevel=2)
         self.folder.remove(*taken, "cells.csv")
 

@@ -76,10 +76,8 @@ def errors_words(study: Config, cells: Sequence[Cell], named: Named = cells_name
     if not above:
         return ""
     least = min(above.values())
-    words = f"errors alone leave {least:.3g} m or more in the mean of lanes, recovery allows less"
-    cut = [c.number for c in asked if known_or(False, lambda cell=c: cell.scenario.detector.acts)]
-    unknown = f"; not known where alarms cut something, in {named(cut)}" if cut else ""
-    return f"{words}, in {named([*above])}{unknown}"
+    words = f"errors of sensors and messages alone leave a mean error of {least:.3g} m or more"
+    return f"{words}, which recovery does not allow, in {named([*above])}"
 
 
 @for_any_signal
@@ -112,12 +110,12 @@ def lost_cells(results: Results, column: str) -> list[int]:
     return np.flatnonzero(results.cells[column].to_numpy() > limits).tolist()
 
 
-def lost_words(results: Results, cells: Sequence[Cell]) -> str:
+def lost_words(results: Results, cells: Sequence[Cell], named: Named = cells_named) -> str:
     """Where the fleet is lost, of these cells; else ""."""
     lost = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
     found = [cell.number for cell in cells if cell.number in lost]
     words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
-    return f"{words} {cells_named(found)}" if found else ""
+    return f"{words} {named(found)}" if found else ""
 
 
 def asked_length(cell: Cell, study: Config, distance: float) -> float:

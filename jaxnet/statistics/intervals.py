@@ -18,8 +18,6 @@ from jaxnet.lazy import special
 CONFIDENCE = 0.95
 LEAST_LANES, LANES_PER_SKEWNESS = 28, 25  # of the rule for means
 ROUNDING_SPREAD = 1e-9  # of the greatest number; numbers that differ by less are alike
-LANES_FOR_MEAN = f"{LEAST_LANES} + {LANES_PER_SKEWNESS} G²"
-TOO_SKEWED = f"too few lanes n for so skewed values (n < {LANES_FOR_MEAN}, G: skewness)"
 
 Ends = tuple[float, float]
 UNKNOWN: Ends = (np.nan, np.nan)

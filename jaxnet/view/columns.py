@@ -43,13 +43,15 @@ from jaxnet.statistics.quantities import (
     share_failed,
     stored_values,
 )
+from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.summary import lane_shares, share_names, unsettled_shares
+from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import digits_text
 
-SHARE_FAILED = "failed_share"
+SHARE_FAILED, SHARE_LOST = "failed_share", "lost_share"
 COUNTS = {"ok": "lanes ok", "failed": "lanes failed", "lanes": "lanes"}  # with their titles
 # The first stand before a study's own metrics, the others after these
 ERROR_COLUMNS = ("tail_mean_median", "tail_max_max"), ("tail_mean_mean", "tail_mean_q95")
@@ -202,7 +204,8 @@ def summary_columns(
     found += [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
     wanted = [known_column(name, table, keys) for name in names]
     if not names:
-        wanted = default_columns(results.study.config, table, every)
+        table = table.join(share_lost(results).set_axis(share_names(SHARE_LOST), axis="columns"))
+        wanted = default_columns(results.study.config, table.iloc[numbers], every)
         if reduced := reduced_amplitudes(cells):
             # by which attacks shift positions, below ā where they are fast
             sizes = [reduced.get(cell.number, attack_size(cell)) for cell in cells]
@@ -278,9 +281,11 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     first = asked if asked in table else f"{asked}_median"
     before, after = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
     hull = ["in_hull"] * alone  # beside agreement: liars may move the place
-    fell = [SHARE_FAILED] * bool(table["failed"].any())
-    names = dict.fromkeys([*fell, first, *hull, *before, *own, *after, "ok", "failed"])
-    return [name for name in names if name in table or name in fell]
+    fell = [SHARE_FAILED, first] * bool(table["failed"].any())
+    lost = fell and study.recovery is not None and any(attack_size(cell) > 0 for cell in cells)
+    head = [SHARE_LOST] if lost else [*fell, first]
+    names = dict.fromkeys([*head, *hull, *before, *own, *after, *fell, "ok", "failed"])
+    return [name for name in names if name in table or name == SHARE_FAILED]
 
 
 def key_column(key: str, labels: Sequence[Any]) -> Column:
@@ -293,10 +298,12 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     """A column of `cells.csv` with its interval, if it has one; `rows` have the `size` too."""
     if name in COUNTS:
         return plain_column(name, rows[name].tolist(), COUNTS[name])
-    if name == SHARE_FAILED:
-        title, ends = "failed [%]", (f"{name}_low", f"{name}_high")
+    if name in (SHARE_FAILED, SHARE_LOST):
+        title = f"failed{f' or {share_name(cells)}' * (name == SHARE_LOST)} [%]"
+        ends = f"{name}_low", f"{name}_high"
         latex = title.translate(LATEX_ESCAPES)
-        return Column(name, title, latex, share_failed(rows), ends, 100.0)
+        lost = stored_values(rows, share_names(name))
+        return Column(name, title, latex, lost if name in rows else share_failed(rows), ends, 100.0)
     stem = name.removesuffix("_low").removesuffix("_high")
     names, entries = [name], stored_values(rows, [name])
     shares, endless = lane_shares(study), "inf"

@@ -29,6 +29,8 @@ def one_line(text):
 
 PLAIN = {"attack": "none", "defence": "none"}
 COMPLETE = {"kind": "random_regular", "degree": 6}
+DROPPED = PLAIN | {"vehicles": 4, "defence": {"kind": "w_msr", "F": 1, "trusted": {3: [2]}}}
+DROPPED |= {"topology": {"kind": "edges", "edges": [[i + 1, i, 1.0] for i in range(4)]}}
 LATTICE = {"vehicles": 8, "topology": {"kind": "lattice", "neighbours": 4}, "engine": "exact"}
 ANNOUNCED = {"kind": "trusted_trim", "score": "announced"}
 CUT_OFF = {"vehicles": 4, "attack": {"kind": "bias", "vehicles": [4]}, "engine": "exact"}
@@ -93,7 +95,9 @@ FACTS = [
     ({"defence": ANNOUNCED}, "guarantee", "announced: by majority"),
     ({"defence": "trust"}, "guarantee", "none: whoever stays within the radius"),
     ({"defence": {"kind": "trust", "observation": "random"}}, "guarantee", "by earned trust"),
-    (CUT_OFF, "cut off", "2, 3 may be cut off from the navigator, if they drop the wrong sources"),
+    (CUT_OFF, "cut off", "2, 3 may be cut off from the navigator, depending on values"),
+    # a verdict that is sure has no line that doubts it: W-MSR, F = 1, trusts 2 at 3 alone
+    (DROPPED, "cut off", "2-4 drop all sources (F too great), or hear only vehicles that do"),
     # laws: growths of an independent program
     (ROUNDS, "law", "UNSTABLE, deviations times 1.0458 at each tick of 0.05 s; 2 rounds are"),
     (ROUNDS, "law", "; stability is known only while all sources are retained"),
@@ -510,8 +514,8 @@ def test_a_threshold_below_what_errors_leave_is_told(errors, known):
     sweep = {"attack.magnitude": [9 * left, 11 * left, left]}
     keys = PLAIN | {"attack": {"kind": "bias"}, "recovery": {"tau": 0.1}, "sweep": sweep}
     text = one_line(check.check_text(systems.study(**keys, **errors)))
-    told = f"errors alone leave {left:.3g} m or more in the mean of lanes, recovery allows less, in"
-    assert f"WARNING: {told} cells 0, 2 (" in text
+    told = f"leave a mean error of {left:.3g} m or more, which recovery does not allow, in"
+    assert f"WARNING: errors of sensors and messages alone {told} cells 0, 2 (" in text
     detector = {"kind": "chi_squared", "false_alarms": 1e-3, "cuts": "message"}
     sweep |= {"detector": ["none", detector]}
     text = one_line(check.check_text(systems.study(**keys | {"sweep": sweep}, **errors)))

@@ -20,6 +20,7 @@ from jaxnet.view.text import formats, printer, slopes, tables
 from jaxnet.view.text.width import cell_title, numbered_words
 from tests import systems
 
+TAIL = ["tail_mean_median", "tail_max_max"]
 LONG = {"attack.magnitude": [1, 2], "attack.frequency": [0.5, 0.7], "tick": [0.05, 0.1]}
 
 
@@ -67,11 +68,8 @@ def test_the_headline_is_the_median_with_its_interval():
     assert [each.texts()[0] for each in shown[2:5]] == ["0.123 [0.123, 0.123]", "1.12", "0.123"]
     notes = tables.summary_notes(results, shown)
     assert notes[0] == "[low, high] of error, median: 95 % intervals of order statistics"
-    assert notes[1] == "mean without interval: fewer than 28 lanes: cells 0, 1"
-    results.cells["ok"] = [28, 27]
-    notes = tables.summary_notes(results, shown)
-    assert notes[1] == "mean without interval: fewer than 28 lanes: cell 1"
-    assert notes[2].endswith("(n < 28 + 25 G², G: skewness): cell 0")
+    why = "fewer than 28 lanes, or too few for so skewed values"
+    assert notes[1] == f"mean without interval: {why}: cells 0, 1"
     results.cells.loc[1, ["tail_mean_low", "tail_mean_high"]] = 1.0, 1.2
     shown = columns.summary_columns(results, ["tail_mean_mean"])
     assert shown[-1].texts() == ["0.123 [-]", "1.12 [1, 1.2]"]
@@ -83,12 +81,11 @@ def test_lanes_that_agree_are_told_so():
     results.cells.loc[1, "tail_mean_max"] = results.cells.loc[1, "tail_mean_mean"]
     shown = columns.summary_columns(results, ["tail_mean"])
     assert shown[-1].texts() == ["0.123 [0.123, 0.123]", "1.12 (alike)"]
-    (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
-    assert "at least 5, have the same error, median (cell 1); of all possible" in note
-    assert "at most 45.1 % have another value" in note
+    told = "(alike): all lanes of the cell have the same value"
+    most = "; at most 45.1 % of all possible lanes have another, with 95 % confidence"
+    assert told + most in tables.summary_notes(results, shown)
     results.study.config = results.study.config.model_copy(update={"draws": "sobol"})
-    notes = tables.summary_notes(results, shown)
-    assert "alike: all lanes of a cell, at least 5, have the same error, median (cell 1)" in notes
+    assert told in tables.summary_notes(results, shown)
     rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
     results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
     shown = columns.summary_columns(results, ["tail_mean", "tail_mean_mean"])
@@ -116,9 +113,10 @@ def test_lanes_that_failed_are_told_where_no_column_does():
     results = results_of({"attack.magnitude": [1, 2]}, True, 4)
     results.cells["failed"], results.cells["lanes"] = [2, 0], [5, 5]
     asked = columns.summary_columns(results, ["tail_mean"])
-    assert "2 of 10 lanes failed, and are in no number" in tables.summary_notes(results, asked)
+    told = "2 of 10 lanes failed; other columns are of lanes that ended"
+    assert told in tables.summary_notes(results, asked)
     asked = columns.summary_columns(results, ["tail_mean", "failed"])
-    assert "in no number" not in " ".join(tables.summary_notes(results, asked))
+    assert told not in " ".join(tables.summary_notes(results, asked))
 
 
 def test_a_share_of_lanes_that_ended_says_so_where_others_failed():
@@ -128,6 +126,72 @@ def test_a_share_of_lanes_that_ended_says_so_where_others_failed():
     assert shown[-1].title == "unrecovered of lanes that ended [%]"
     shown = columns.summary_columns(results, ["unrecovered"], {"attack.magnitude": 1.0})
     assert shown[-1].title == "unrecovered [%]"
+
+
+def one_line(lines):
+    return " ".join(" ".join(lines).replace("\N{NO-BREAK SPACE}", " ").split())
+
+
+def test_lanes_that_failed_count_as_lost_in_the_first_column():
+    """3 of 8 failed and 2 of the other 5 did not recover: 5 of 8, and the exact interval of it."""
+    results = results_of({"attack.magnitude": [1, 2]}, True, 2)
+    results.cells["failed"], results.cells["lanes"] = [0, 3], [5, 8]
+    results.cells[["unrecovered", "unrecovered_low", "unrecovered_high"]] = [0.4, 0.1, 0.9]
+    shown = columns.summary_columns(results)
+    assert [each.name for each in shown[2:5]] == ["lost_share", *TAIL]
+    assert shown[2].title == "failed or unrecovered [%]"
+    low, high = binomtest(5, 8).proportion_ci(0.95, "exact")
+    found = shown[2].entries.to_numpy(float)
+    np.testing.assert_allclose(found, [[0.4, 0.1, 0.9], [0.625, low, high]], rtol=1e-9)
+    note = "unrecovered: mean error over the tail > 0.1\N{NO-BREAK SPACE}ā"
+    assert note in tables.summary_notes(results, shown[:3])
+    whole = columns.summary_columns(results, where={"attack.magnitude": 1.0})
+    assert [each.name for each in whole[2:5]] == ["unrecovered", *TAIL]
+
+
+def test_a_verdict_names_the_cells_where_all_lanes_hold_and_the_worst_ones():
+    """In three sentences, for the cells that are shown; none of one cell."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 3]}
+    results = results_of(sweep, True, 6)
+    results.cells["unrecovered"] = [1.0, 1.0, 0.8, 0.0, 0.0, 0.0]
+    results.cells["tail_max_max"] = [1.0, 2.0, 3.0, 1e-15, 0.5, 0.5]
+    told = tables.verdict_lines(results, results.study.cells)
+    assert [one_line([each]) for each in told] == [
+        "In 3 of 6 cells no lane ended unrecovered: cells 3-5 (W-MSR)",
+        "In 2 of 6 cells all lanes ended unrecovered: cells 0, 1 (no defence, ā = 1 and 2 m)",
+        "Worst vehicle: 0 m in cell 3 (W-MSR, ā = 1 m) to 3 m in cell 2 (no defence, ā = 3 m)",
+    ]
+    text = tables.summary_text(results, where={"attack.magnitude": 3.0})
+    assert "In 1 of 2 cells no lane ended unrecovered: cell 5 (W-MSR)" in one_line([text])
+    assert "At worst 80 % of lanes ended unrecovered: cell 2 (no defence)" in one_line([text])
+    assert tables.verdict_lines(results, results.study.cells[:1]) == []
+    results.cells["failed"], results.cells["lanes"] = 5, 10
+    assert tables.verdict_lines(results, results.study.cells)[0] == (
+        "In all 6 cells some lanes failed or ended unrecovered"
+    )
+    results.cells["unrecovered"] = 1.0
+    (first, _) = tables.verdict_lines(results, results.study.cells)
+    assert first == "In all 6 cells all lanes failed or ended unrecovered"
+
+
+def test_a_cell_without_attack_is_not_counted_among_those_that_hold():
+    results = results_of({"attack.magnitude": [0, 1, 2]}, True, 3)
+    results.cells["unrecovered"] = [math.nan, 0.0, 0.2]
+    first, worst, _ = tables.verdict_lines(results, results.study.cells)
+    assert one_line([first]) == (
+        "In 1 of 2 attacked cells no lane ended unrecovered: cell 1 (ā = 1 m)"
+    )
+    assert worst.startswith("At worst 20 % of lanes ended unrecovered: cell 2")
+
+
+def test_warnings_are_of_the_cells_that_are_shown():
+    results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
+    results.cells["tail_mean_median"] = [1e9, 0.1, 1e9]
+    assert "fleet is lost, in cells 0, 2" in one_line([tables.summary_text(results)])
+    assert "fleet is lost" not in tables.summary_text(results, where={"attack.magnitude": 2.0})
+    assert "fleet is lost, in cell 2" in tables.formatted(
+        results, "latex", where={"attack.magnitude": 3.0}
+    )
 
 
 def test_notes_are_of_the_rows_that_are_shown():
@@ -237,15 +301,15 @@ def test_what_attacks_leave_of_the_papers_is_said_with_the_cells():
 @pytest.mark.parametrize("width", [40, 80, 120])
 @pytest.mark.parametrize("last", [["tail_mean_median"], ["outside_max", "spread_median"]])
 def test_the_asked_share_and_the_median_error_go_last(last, width, monkeypatch):
-    """Metrics that stand before the error go first; failed lanes keep their share."""
+    """Metrics that stand before the error go first."""
     monkeypatch.setenv("COLUMNS", str(width))
     pair = pd.DataFrame({"value": [1.0, 2.0], "low": [0.1234, 1.234], "high": [1.234, 2.345]})
-    first = ["failed_share", "unrecovered"]
+    first = ["lost_share"]
     names = [*first, *(f"alarms_{each}" for each in range(20)), *last, "tail_mean_q95"]
     whole = [columns.Column(name, name, name, pair, ("low", "high")) for name in names]
     left = [each.name for each in printer.narrow_columns(whole)[0]]
     assert [each.name for each in printer.narrow_columns(whole[:1])[0]] == first[:1]
-    assert left[:2] == first
+    assert left[:1] == first
     assert {*last} <= {*left} or {*left} <= {*first, *last}
     assert width == 40 or {*last} <= {*left} != {*names}
 
@@ -355,27 +419,26 @@ def curve_of(
 @pytest.mark.parametrize(
     ("fit", "errors", "words"),
     [
-        ((2.2, 2.1, 2.3), (2, {}), "2.2 [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (2, {}), "2.2 ā [2.1, 2.3]"),
         # means that differ by less than their intervals, by little, by more
-        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.3}), "2.2 [2.1, 2.3]"),
-        ((2.2, 2.1, 2.3), (2, {"greater": 0.9, "width": 0.01}), "2.2 [2.1, 2.3]"),
-        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.2}), "not proportional"),
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.3}), "2.2 ā [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.9, "width": 0.01}), "2.2 ā [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.2}), "bent -"),
         # of means without intervals nothing is said, so the medians decide
-        ((2.2, math.nan, math.nan), (2, {"greater": 0.3}), "2.2 [-]"),
-        ((2.2, math.nan, math.nan), (2, {"median": 0.3}), "not proportional"),
-        ((2.2, 2.1, 2.3), (2, {"median": 0.3, "width": 0.1}), "2.2 [2.1, 2.3]"),
-        ((2.2, 2.1, 2.3), (1, {"greater": 0.3}), "one ā: 2.2 [2.1, 2.3]"),
-        ((math.nan,) * 3, (2, {}), "does not rise"),
-        (None, (2, {}), "-"),
-        (None, (0, {}), "all lanes failed"),
+        ((2.2, math.nan, math.nan), (2, {"greater": 0.3}), "2.2 ā [-]"),
+        ((2.2, math.nan, math.nan), (2, {"median": 0.3}), "bent -"),
+        ((2.2, 2.1, 2.3), (2, {"median": 0.3, "width": 0.1}), "2.2 ā [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (1, {"greater": 0.3}), "one ā: 2.2 ā [2.1, 2.3]"),
+        ((math.nan,) * 3, (2, {}), "flat -"),
+        ((5e-20, 4e-20, 0.35), (2, {}), "0 ā [0, 0.35]"),
+        (None, (2, {}), "- -"),
+        (None, (0, {}), "all failed -"),
     ],
 )
 def test_a_slope_is_told_or_why_there_is_none(fit, errors, words):
-    """Nor does a multiple of ā tell below which a share of lanes is, where there is no slope."""
-    fits = {} if fit is None else {("tail_mean", quantile): fit for quantile in (None, 0.5)}
+    fits = {} if fit is None else {("tail_mean", None): fit}
     curve = curve_of(errors[0], fits, **errors[1])
-    assert slopes.slope_text(curve, "tail_mean") == words
-    assert (curve.fit("tail_mean", 0.5) is None) == (not words.startswith("2.2"))
+    assert " ".join(slopes.slope_texts(curve)) == words
 
 
 def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(monkeypatch):
@@ -398,42 +461,15 @@ def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(mo
     assert "alarms, mean" in " ".join(" ".join(lines).partition("left out: ")[2].split())
 
 
-@pytest.mark.parametrize(("draws", "why"), [("random", "too few lanes"), ("sobol", "Sobol")])
-def test_a_slope_without_an_interval_says_so(draws, why, monkeypatch):
-    """Beside one with an interval; the worst lane never has one."""
-    fit = {None: (0.5, 0.4, 0.6), 0.5: (0.5, 0.4, 0.6), 0.95: (0.7, math.nan, math.nan)}
-    fit[1.0] = (0.8, math.nan, math.nan)
-    fits = {(metric, quantile): each for metric in SUMMARISED for quantile, each in fit.items()}
-    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
-    results.study.config = results.study.config.model_copy(update={"draws": draws})
+@pytest.mark.parametrize(("most", "shown"), [(0.158, "[-]"), (0.139, "(alike)")])
+def test_a_slope_without_an_interval_says_why(most, shown, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")
-    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 7)
-    text = slopes.slopes_text(results, [curve_of(2, fits)])
-    row = next(line for line in text.splitlines() if line.startswith("greatest"))
-    assert " ".join(row.split()) == "greatest 0.5 [0.4, 0.6] 0.5 [0.4, 0.6] 0.7 [-] 0.8 -"
-    assert "[-]: no interval" in text
-    assert why in text
-    assert ("too few lanes: 95 % below takes 200" in text) is (draws == "random")
-    assert ("worst lane: of the 7 lanes of each ā" in text) is (draws == "random")
-    fits |= {(metric, 0.95): (0.7, 0.6, 0.8) for metric in SUMMARISED}
-    whole = curve_of(2, fits)._replace(exponents={})
-    assert "[-]" not in slopes.slopes_text(results, [whole])
-
-
-def test_a_slope_of_skewed_errors_is_told_apart_from_one_of_equal_lanes(monkeypatch):
-    """Few errors may be small, not great; equal lanes need no rule."""
-    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
-    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 60)
-    for most, shown, note in (
-        (0.158, "0.139 [-]", "too few lanes: the mean takes 28 + 25 G², G: skewness of their"),
-        (0.139, "0.139 (alike)", "(alike): all lanes have the same error per ā"),
-    ):
-        fits = {(each, None): (0.139, math.nan, math.nan) for each in SUMMARISED}
-        fits |= {(each, 1.0): (most, math.nan, math.nan) for each in SUMMARISED}
-        text = slopes.slopes_text(results, [curve_of(2, fits)._replace(exponents={})])
-        assert shown in text
-        assert note in " ".join(text.split())
-        assert ("[-]" in text) == ("[-]" in shown)
+    sizes = {None: 0.139, 1.0: most}
+    fits = {("tail_mean", each): (size, math.nan, math.nan) for each, size in sizes.items()}
+    text = one_line([slopes.errors_text([curve_of(2, fits)])])
+    assert f"0.139 ā {shown} 1 ā" in text
+    assert ("[-]: too few independent lanes for an interval" in text) is (shown == "[-]")
+    assert ("(alike): all lanes have the same error per ā" in text) is (shown == "(alike)")
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():
@@ -449,14 +485,28 @@ def test_a_worst_lane_comes_with_the_number_of_lanes():
 
 @pytest.mark.parametrize(
     ("slope", "error", "told"),
-    [(0.0, 1e-12, "0"), (2.0, 1e-12, "inf"), (2.0, 0.5, "4"), (math.nan, 1e-12, "-")],
+    [(0.0, 1e-12, "0 ā"), (7.0, 1e-12, "7 ā"), (2.0, 0.5, "2 ā"), (math.nan, 1e-12, None)],
 )
-def test_a_bound_of_nothing_differs_from_no_bound(slope, error, told):
-    """A bound and an error of 0; an error of 0 under a greater bound; neither is a dash."""
-    cells = pd.DataFrame({"tail_max_max": [error, error]}, index=[1.0, 1.0])
-    curve = Curve(Group({}, ()), cells, {("static", "worst"): slope}, {}, {})
-    table, _ = slopes.group_columns([(curve, slopes.group_ratios(curve))])
-    assert printer.texts_of(table, [])["static"] == [told]
+def test_a_bound_stands_in_multiples_of_the_attack(slope, error, told):
+    """Whatever the worst error beside it is, 0 too; a bound that no group has has no column."""
+    curve = curve_of(2, {("tail_mean", None): (error, math.nan, math.nan)})
+    curve.cells["tail_max_max"] = error * curve.sizes
+    curve = curve._replace(bounds={("static", "worst"): slope, ("lyapunov_printed", "worst"): 9.0})
+    table = slopes.curve_texts(curve)
+    assert table["worst error"] == f"{0 if error < 1e-9 else error:g} ā"
+    text = slopes.errors_text([curve])
+    assert table["static"] == (told or "-")
+    assert ("static: bounds of theory" in text) is (told is not None)
+    assert "9 ā" not in text  # false in general
+
+
+def test_a_worst_error_that_is_no_multiple_is_in_metres():
+    """Of two magnitudes, 1 m and 2 m, the second has errors of 3 m; with a bound it is compared."""
+    curve = curve_of(2, {}, median=0.3)
+    curve.cells["tail_max_max"] = [1.0, 3.0]
+    assert slopes.curve_texts(curve)["worst error"] == "3 m"
+    bounded = curve._replace(bounds={("peak_gain", "worst"): 8.0})
+    assert slopes.curve_texts(bounded)["worst error"] == "1.5 ā"
 
 
 def test_fits_show_swept_values_as_the_summary_does():
@@ -467,21 +517,6 @@ def test_fits_show_swept_values_as_the_summary_does():
     assert [*map(str, table)] == [*labels, "mean"]
     assert [str(each) for (each,) in table.values()] == ["1 drawn", "W-MSR", "0.1"]
     assert "attacked" in labels[0]
-    assert slopes.estimate_text((5e-20, 4e-20, 0.35)) == "0 [0, 0.35]"
-    assert slopes.estimate_text((0.4, math.nan, math.nan)) == "0.4 [-]"
-
-
-def test_a_quantile_of_nothing_beside_a_great_lane_says_how_many_are_off():
-    """At most the lanes above the 95 % quantile: 1 of 30, 4 of 81."""
-    results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
-    results.cells["ok"] = [30, 81, 30]
-    results.cells["tail_mean_q95"] = [0.0, 1e-10, 0.5]
-    found = columns.summary_columns(results, ["tail_mean_q95"])
-    told = [each for each in tables.summary_notes(results, found) if "are off" in each]
-    assert told == [
-        "error, 95 % quantile 0: up to 1 of 30 lanes are off: cell 0",
-        "error, 95 % quantile 0: up to 4 of 81 lanes are off: cell 1",
-    ]
 
 
 def test_where_lanes_failed_their_share_comes_first_with_its_interval(monkeypatch):

@@ -1,6 +1,5 @@
 """Output of a search, a sensitivity analysis and rare failures, beside the summary of a run."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pandas as pd
 from jaxnet.config.cells import judged_metric
 from jaxnet.config.naming import worded
 from jaxnet.config.study import Study
-from jaxnet.model.wording import count
 from jaxnet.statistics.quantities import TITLES
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_text
@@ -64,14 +62,6 @@ def rare_rows(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop(columns=["points", "threshold"]).rename(columns=RARE_TITLES)
 
 
-def plan_text(lanes: Mapping[int, int], samples: int) -> str:
-    most = max(lanes.values()) // samples - 2
-    return (
-        f"{count(sum(lanes.values()), 'lane')}: in each of {count(len(lanes), 'cell')} {samples:,}"
-        f" for each quantity drawn (at most {most}), and 2 × {samples:,} more"
-    )
-
-
 def in_hundredths(estimate: float, low: float, high: float) -> str:
     """An index and its interval to hundredths; a dash stands for NaN."""
     if np.isnan(estimate):
@@ -82,7 +72,7 @@ def in_hundredths(estimate: float, low: float, high: float) -> str:
 def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
     chosen: Any = table[table["metric"] == metric]
     rows, labels = named_cells(chosen["cell"].tolist(), study)
-    rows["quantity"] = chosen["quantity"].tolist()
+    rows["quantity"] = [each.removesuffix(".key") for each in chosen["quantity"]]  # noise, loss
     for order in ("first", "total"):
         indices = zip(*(chosen[f"{order}{end}"] for end in ("", "_low", "_high")), strict=True)
         rows[order] = [in_hundredths(*each) for each in indices]

@@ -18,7 +18,7 @@ from jaxnet.config.scenario import (
 )
 from jaxnet.kinds.fields import EachOrder, is_drawn, value_range
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.model.graph import Digraph, Links
+from jaxnet.model.graph import Digraph, Links, unreachable
 from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, number_text, orders_in_words, plural_s, ranges
 from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie, deviations, tested
@@ -88,6 +88,26 @@ def attacked_at_once(scenario: Scenario) -> tuple[Digraph, Links, Links]:
     if not scenario.attack.targets():
         attacked = attacked & (attacked.cumsum(axis=1) <= scenario.attack.number())
     return graph, attacked, trusted
+
+
+def dropping_all(scenario: Scenario) -> Vehicles:
+    """Vehicles that drop all their sources, as their defence drops as many as they hear."""
+    graph, _, trusted = attacked_at_once(scenario)
+    heard, most = graph.heard.sum(axis=1), scenario.defence.tolerates() or 0
+    drops = scenario.defence.may_drop(graph, trusted).links.sum(axis=1)
+    return (heard > 0) & (heard <= most) & (heard == drops)
+
+
+def cut_off_words(lost: list[int], scenario: Scenario) -> str:
+    """The vehicles that are cut off in every run, and those that may be."""
+    (graph, *_), silent = attacked_at_once(scenario), dropping_all(scenario)
+    surely = unreachable(graph.only(graph.heard & ~silent[:, None])) if silent.any() else []
+    maybe = [each for each in lost if each not in surely]
+    told = {
+        f"{ranges(surely)} drop all sources (F too great), or hear only vehicles that do": surely,
+        f"{ranges(maybe)} may be cut off from the navigator, depending on values received": maybe,
+    }
+    return "; ".join(words for words, those in told.items() if those)
 
 
 def defence_lines(scenario: Scenario) -> Facts:
@@ -572,10 +592,7 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "honest paths": path_words,
     "apart": lambda least, scenario: f"steered points that start {least:g} m apart or more stay so",
     "misjudged": misjudged_words,
-    "cut off": lambda lost, scenario: (
-        f"{ranges(lost)} may be cut off from the navigator, if they drop the wrong sources; which"
-        " they drop depends on the values that they receive, so only a run tells"
-    ),
+    "cut off": cut_off_words,
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"
         f" {vehicles_named(found.always, scenario)} in each of them"

@@ -1,5 +1,6 @@
 """The printer of all tables: numbers at the right, labels wrapped, as many columns as fit."""
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
@@ -22,9 +23,12 @@ if TYPE_CHECKING:
     from jaxnet.view.columns import Column
 
 MEDIAN_ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go last
-WORST_ERRORS = ("tail_max_max", "spread_max")  # that go just before
+WORST_ERRORS = ("tail_max_max", "in_hull", "only A off", "only B off")  # that go just before
 LEAST_TITLE, MOST_LINES = 9, 3  # letters of a line of a title, and its lines
-LEAST_LABEL = 14  # letters that a label is wrapped to, at least
+LEAST_LABEL, FREE_LABEL = (
+    14,
+    24,
+)  # letters that a label is wrapped to, at least; where there is room
 GAP = 2  # letters between columns
 NUMBER = re.compile(r"(> )?-?(\d|inf|nan).*|-|")
 
@@ -88,12 +92,12 @@ def title_lines(title: str, texts: Sequence[str]) -> list[str]:
     return [line.replace(f"{NO_BREAK}%", " %") for line in lines] or [""]
 
 
-def fits_terminal(table: TableColumns, labels: Sequence[str]) -> bool:
-    """Whether a terminal is as wide as a table with its labels wrapped."""
+def fits_terminal(table: TableColumns, labels: Sequence[str], least: int = LEAST_LABEL) -> bool:
+    """Whether a terminal is as wide as a table with its labels wrapped to `least` letters."""
     total = -GAP
     for name, texts in texts_of(table, labels).items():
         whole = max(map(len, [*title_lines(name, texts), *texts]))
-        total += GAP + (min(whole, LEAST_LABEL) if name in labels else whole)
+        total += GAP + (min(whole, least) if name in labels else whole)
     return total <= terminal_width()
 
 
@@ -105,11 +109,10 @@ def fitted_columns(
     Labels stay, as they tell rows apart.
     """
     shown = {name: values[:MOST_ROWS] for name, values in table.items()}
-    for titles in steps:
-        if fits_terminal(shown, labels):
-            break
-        shown = {name: values for name, values in shown.items() if name not in titles}
-    return shown
+    gone = itertools.accumulate(steps, lambda before, more: (*before, *more), initial=())
+    left = [{name: shown[name] for name in shown if name not in each} for each in gone]
+    tried = ((each, least) for least in (FREE_LABEL, LEAST_LABEL) for each in left)
+    return next((each for each, least in tried if fits_terminal(each, labels, least)), left[-1])
 
 
 def fitted_text(
@@ -137,30 +140,31 @@ def with_labels(shown: Sequence["Column"]) -> tuple[TableColumns, list[str]]:
 def narrow_columns(
     whole: Sequence["Column"], asked: bool = False
 ) -> tuple[list["Column"], list[str]]:
-    """Columns that fit the terminal, and what is left out; the share failed always stays.
+    """Columns that fit the terminal, and what is left out; the first quantity always stays.
 
     The last quantities lose their intervals, but not the first; pivoted ones lose them together.
-    Then, unless they are `asked` for, the last columns go, the worst errors, all intervals, median
-    errors, keys of numbers, labels.
+    Then, unless they are `asked` for, columns go: the last ones, all intervals, the worst errors,
+    the median errors, keys of numbers, labels.
     """
-    stay = ("cell", "failed_share")
-    quantities = [each.name for each in whole if each.key is None and each.name not in stay]
+    quantities = [each.name for each in whole if each.key is None and each.name != "cell"]
     ranks = {name: rank for rank, each in enumerate((MEDIAN_ERRORS, WORST_ERRORS)) for name in each}
     quantities[1:] = sorted(quantities[1:], key=lambda name: ranks.get(name, len(ranks)))
-    kept = 1 + sum(name in MEDIAN_ERRORS for name in quantities[1:])
+    kept = 1 + sum(name in ranks for name in quantities[1:])
     together = any(each.across for each in whole)
     keys = sorted((each for each in whole if each.key is not None), key=lambda each: each.numeric)
-    steps = [[*whole]]
+    roomy = [[*whole]]
     for first in [0] if together else range(len(quantities) - 1, 0, -1):
         bare = quantities[first:]
-        steps.append([each.bare() if each.name in bare else each for each in whole])
+        roomy.append([each.bare() if each.name in bare else each for each in whole])
+    tight = roomy
     if not asked:
-        steps += without_each(steps[-1], quantities[: kept - 1 : -1])
-        for spared in (quantities[:1], []):
-            steps.append([each if each.name in spared else each.bare() for each in steps[-1]])
-        steps += without_each(steps[-1], quantities[kept - 1 : 0 : -1])
-        steps += without_each(steps[-1], [each.name for each in reversed(keys)])
-    shown = next((each for each in steps if fits_terminal(*with_labels(each))), steps[-1])
+        roomy += without_each(roomy[-1], quantities[: kept - 1 : -1])
+        tight = [roomy[-1], [each.bare() for each in roomy[-1]]]
+        tight += without_each(tight[-1], quantities[kept - 1 : 0 : -1])
+        tight += without_each(tight[-1], [each.name for each in reversed(keys)])
+    steps = [(each, FREE_LABEL) for each in roomy] + [(each, LEAST_LABEL) for each in tight]
+    fit = (each for each, least in steps if fits_terminal(*with_labels(each), least))
+    shown = next(fit, tight[-1])
     left = {each.name: each for each in shown}
     lost = [each for each in whole if each.name in left and each.ends and not left[each.name].ends]
     which = f"{'some' if any(each.ends for each in shown) else 'all'} intervals"

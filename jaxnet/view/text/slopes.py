@@ -1,4 +1,4 @@
-"""Output of `jaxnet fit`: the ultimate error per ā, simulated and fitted, and its bounds."""
+"""Output of `jaxnet fit`: the ultimate error per ā, simulated and fitted, beside its bounds."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,127 +6,102 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.naming import worded
-from jaxnet.model.wording import count_between, number_text
+from jaxnet.model.wording import number_text
 from jaxnet.statistics import intervals
-from jaxnet.statistics.amplitude import LEAST_UNRECOVERED, without_rounding
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
+from jaxnet.statistics.amplitude import without_rounding
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.fits import ENVELOPE, FEWEST, FEWEST_BEYOND, whole_draws
+from jaxnet.statistics.fits import ENVELOPE
 from jaxnet.statistics.limits import at_once_words, unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.recovery import lowered_words
-from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_columns, fitted_text
 from jaxnet.view.text.width import cell_title, filled
 
 MOST_VIOLATIONS = 20
-WORST_LANE = "worst lane"
-QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, WORST_LANE: ENVELOPE}
-ERROR_NAMES = {"tail_mean": "mean", "tail_max": "greatest"}
-SLOPE = "mean of the lanes"
-POWER = "power p of c ā^p"
-SLOPES_TITLE = (
-    "slope s of error = s ā over the tail, with its 95 % interval; mean: of the fleet's vehicles;"
-    " greatest: of any vehicle"
+MEAN, INTERVAL, WORST = "mean error", "95 % interval", "worst error"
+BOUNDS = {name: title for name, title in BOUND_NAMES.items() if name != "lyapunov_printed"}
+DROP_ORDER = tuple((name,) for name in (*reversed([*BOUNDS.values()][3:]), INTERVAL))
+TITLE = (
+    "errors over the tail, as multiples of ā. mean error: s of the best fit error = s ā, the mean"
+    " of vehicles and lanes; worst error: of any vehicle in any lane"
 )
-NO_EFFECT, NOT_PROPORTIONAL, ONE_MAGNITUDE = "does not rise", "not proportional", "one ā: "
-NO_INTERVAL, OF_SEQUENCES = "[-]", "[-]: no interval is known for draws of Sobol's sequences"
-ALIKE, TOO_FEW = "(alike)", "[-]: no interval, as there are too few lanes: "
-LANES_NEEDED = {  # by column, for an interval
-    SLOPE: f"the mean takes {intervals.LANES_FOR_MEAN}, G: skewness of their errors",
-    "half of the lanes below": f"half of the lanes below takes {FEWEST_BEYOND / 0.5:.0f}",
-    "95 % below": f"95 % below takes {FEWEST_BEYOND / 0.05:.0f}",
-    POWER: f"the power takes {FEWEST} that make up its variance",
-}
-SLOPE_NOTES = {
-    NO_EFFECT: "does not rise: errors of greater ā are not greater",
-    NOT_PROPORTIONAL: "not proportional: errors rise with ā, but not as s ā",
-    ALIKE: "(alike): all lanes have the same error per ā",
-    ONE_MAGNITUDE: "one ā: lanes ended at one magnitude alone; the error per ā there, no slope",
-}
-SLOPES_DROP_ORDER = tuple((name,) for name in (POWER, *QUANTILE_COLUMNS))
-BOUND_COLUMNS = {name: (bound, "worst") for bound, name in BOUND_NAMES.items()}
-BOUND_COLUMNS |= {
-    f"{name}, fleet": (bound, "fleet") for bound, name in BOUND_NAMES.items() if "lyapunov" in bound
-}
-BOUNDS_DROP_ORDER = tuple((name,) for name in reversed(BOUND_COLUMNS))
 BOUNDS_LEGEND = (
-    "bounds of any one vehicle; fleet: of all vehicles' errors together; as printed: with the"
-    " paper's constant, which is false in general; a dash: no bound is known, or no lane ended;"
-    " 0: the bound itself is 0; inf: the error is 0, the bound is not"
+    "{}: bounds of theory for any vehicle, each of which holds for this attack; a dash: no bound is"
+    " known"
 )
+FLAT, BENT, FAILED, ONE_MAGNITUDE = "flat", "bent", "all failed", "one ā: "
+NO_INTERVAL, ALIKE = "[-]", "(alike)"
+NOTES = {  # by a text of a table
+    FLAT: "flat: errors of greater ā are not greater",
+    BENT: "bent: errors rise with ā, but not in proportion",
+    ALIKE: "(alike): all lanes have the same error per ā",
+    ONE_MAGNITUDE: "one ā: lanes ended at one magnitude alone; the error per ā there, no fit",
+    NO_INTERVAL: "[-]: too few independent lanes for an interval",
+}
 
 
 def fit_text(results: Results) -> str:
-    found = curves(results)
-    parts = [slopes_text(results, found)]
-    if results.file("bounds.csv").exists():
-        title = "bounds of theory, as multiples of the worst error found"
-        rows = [(curve, group_ratios(curve)) for curve in found]
-        told = [name for name in BOUND_COLUMNS if any(row[name] == row[name] for _, row in rows)]
-        if told:
-            table, labels = group_columns(rows)
-            table = {
-                name: table[name] for name in table if name in told or name not in BOUND_COLUMNS
-            }
-            text = fitted_text(table, labels, BOUNDS_DROP_ORDER, "bounds.csv")
-            parts.append("\n".join([filled(title), text, filled(BOUNDS_LEGEND)]))
+    found, cells = curves(results), results.study.cells
+    parts = [errors_text(found)]
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
-    cells = results.study.cells
     told = no_magnitudes(found), falling_words(results, cells), lowered_words(results, cells)
     parts += map(filled, (at_once_words(cells), *told))
     return "\n\n".join(filter(None, parts))
 
 
-def slopes_text(results: Results, found: Sequence[Curve]) -> str:
-    """The error as a multiple of ā, what share of lanes is below which multiple, and notes."""
-    if not any(curve.fits for curve in found):
+def errors_text(found: Sequence[Curve]) -> str:
+    """The mean error, the worst error and its bounds for each group, with notes."""
+    if not any(curve.fits or curve.bounds for curve in found):
         return ""
-    rows = []
-    for curve in found:
-        for metric in SUMMARISED:
-            texts = {"error": ERROR_NAMES[metric], SLOPE: slope_text(curve, metric)}
-            for name, each in QUANTILE_COLUMNS.items():
-                texts[name] = estimate_text(curve.fit(metric, each), name != WORST_LANE)
-            texts[POWER] = estimate_text(curve.exponents.get(metric))
-            rows.append((curve, texts))
-    table, labels = group_columns(rows)
-    shown = fitted_columns(table, labels, SLOPES_DROP_ORDER)
-    lines = [filled(SLOPES_TITLE), fitted_text(table, labels, SLOPES_DROP_ORDER, "fit.csv")]
-    told = [str(text) for values in shown.values() for text in values]
-    independent = results.study.config.draws == "random"
-    needed = (
-        words
-        for name, words in LANES_NEEDED.items()
-        if any(NO_INTERVAL in str(text) for text in shown.get(name, ()))
-    )
-    missing = TOO_FEW + "; ".join(needed) if independent else OF_SEQUENCES
-    notes = SLOPE_NOTES | {NO_INTERVAL: missing}
-    lines += [filled(note) for text, note in notes.items() if any(text in t for t in told)]
-    draws = [whole_draws(results, curve.group) for curve in found]
-    if independent and all(draws) and {*shown.get(WORST_LANE, ())} - {"-"}:
-        share = number_text(100 * intervals.below_greatest(min(draws)), whole=100.0)
-        words = f"{WORST_LANE}: of the {count_between(draws, 'lane')} of each ā"
-        below = f"at least {share} % of all possible lanes are below, with 95 % confidence"
-        lines.append(filled(f"{words}; {below}"))
+    table, labels = group_columns([(curve, curve_texts(curve)) for curve in found])
+    unknown = [title for title in BOUNDS.values() if {*table[title]} == {"-"}]
+    table = {name: values for name, values in table.items() if name not in unknown}
+    shown = fitted_columns(table, labels, DROP_ORDER)
+    lines = [filled(TITLE), fitted_text(table, labels, DROP_ORDER, "fit.csv and bounds.csv")]
+    told = [*map(str, shown[MEAN]), *map(str, shown.get(INTERVAL, ()))]
+    lines += [filled(note) for text, note in NOTES.items() if any(text in each for each in told)]
+    if bounds := [title for title in BOUNDS.values() if title in shown]:
+        lines.append(filled(BOUNDS_LEGEND.format(", ".join(bounds))))
     return "\n".join(lines)
 
 
-def slope_text(curve: Curve, metric: str) -> str:
-    """How the mean error depends on ā: its slope, or why it has none."""
-    if not curve.ended.any():
-        return "all lanes failed"
-    if curve.is_flat(metric):
-        return NO_EFFECT
-    if curve.is_bent(metric):
-        return NOT_PROPORTIONAL
+def curve_texts(curve: Curve) -> dict[str, str]:
+    """A row of the table; without a bound, an error that is not proportional to ā is in metres."""
+    mean, ends = slope_texts(curve)
+    bounds = {title: size_text(curve.slope(name, "worst")) for name, title in BOUNDS.items()}
+    worst = size_text(curve.worst)
+    if {*bounds.values()} == {"-"} and (curve.is_bent("tail_max") or curve.is_flat("tail_max")):
+        worst = f"{number_text(np.fmax.reduce(curve.spread('tail_max', 'max')[0]))} m"
+    return {MEAN: mean, INTERVAL: ends, WORST: worst} | bounds
+
+
+def size_text(slope: float) -> str:
+    """A multiple of ā; a dash for not-a-number."""
+    return "-" if np.isnan(slope) else f"{number_text(without_rounding(slope, 1.0))} ā"
+
+
+def slope_texts(curve: Curve) -> tuple[str, str]:
+    """The slope of the mean error over ā, or a word for why it has none, and its interval."""
+    why = {
+        FAILED: not curve.ended.any(),
+        FLAT: curve.is_flat("tail_mean"),
+        BENT: curve.is_bent("tail_mean"),
+    }
+    if any(why.values()):
+        return next(word for word, is_so in why.items() if is_so), "-"
     alone = curve.fits and curve.ended.sum() == 1
-    known = curve.fits.get((metric, None)) if alone else curve.fit(metric)
-    told, most = estimate_text(known), curve.fits.get((metric, ENVELOPE))
-    if known and most and most[0] - known[0] <= intervals.ROUNDING_SPREAD * most[0]:
-        told = told.replace(NO_INTERVAL, ALIKE)
-    return ONE_MAGNITUDE * bool(alone) + told
+    known = curve.fits.get(("tail_mean", None)) if alone else curve.fit("tail_mean")
+    most = curve.fits.get(("tail_mean", ENVELOPE))
+    if known is None:
+        return "-", "-"
+    low, high = (number_text(without_rounding(each, 1.0)) for each in known[1:])
+    ends = f"[{low}, {high}]"
+    if np.isnan(known[1]):
+        alike = most and most[0] - known[0] <= intervals.ROUNDING_SPREAD * most[0]
+        ends = ALIKE if alike else NO_INTERVAL
+    return ONE_MAGNITUDE * bool(alone) + size_text(known[0]), ends
 
 
 def group_columns(
@@ -136,23 +111,6 @@ def group_columns(
     named = [worded(curve.group.labels) for curve, _ in rows]
     whole = [labels | told for labels, (_, told) in zip(named, rows, strict=True)]
     return {name: [row[name] for row in whole] for name in whole[0]}, list(named[0])
-
-
-def estimate_text(found: Fit | None, has_ends: bool = True) -> str:
-    """An estimate with its interval, [-] if it could have one but has none; or a dash for None."""
-    if found is None:
-        return "-"
-    estimate, low, high = (number_text(without_rounding(each, 1.0)) for each in found)
-    ends = f" [{low}, {high}]" if np.isfinite(found[1]) else f" {NO_INTERVAL}"
-    return estimate + ends * has_ends
-
-
-def group_ratios(curve: Curve) -> dict[str, float]:
-    """The worst error per ā, and each bound over it: of a bound of 0, which proves that, 0."""
-    over = 0.0 if curve.worst <= LEAST_UNRECOVERED else curve.worst
-    slopes = {name: curve.slope(*bound) for name, bound in BOUND_COLUMNS.items()}
-    ratios = {k: each and (each / over if over else each * np.inf) for k, each in slopes.items()}
-    return {"worst error / ā": without_rounding(curve.worst, 1.0)} | ratios
 
 
 def violations_text(results: Results) -> str:

@@ -1,27 +1,29 @@
 """Results as text for a terminal: the summary, the outcome of a run, failed lanes."""
 
+import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from html import escape
 from typing import Any
 
 import pandas as pd
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
 from jaxnet.config.naming import label_notes
 from jaxnet.config.sweep import is_joint
 from jaxnet.kinds.metrics import AGREEMENT, COLUMNS_OF_METRIC, CONTRACT
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
 from jaxnet.statistics import recovery
-from jaxnet.statistics.amplitude import amplitude_note, without_rounding
-from jaxnet.statistics.choice import Where
+from jaxnet.statistics.amplitude import amplitude_note
+from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import failed_kinds, mostly_failed
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.horizon import cuts_words, errors_words, lost_words
-from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
+from jaxnet.statistics.intervals import LEAST_LANES, below_greatest
 from jaxnet.statistics.nominal import misfit_words
-from jaxnet.statistics.quantities import FORMATION_NOTE, definition
+from jaxnet.statistics.quantities import FORMATION_NOTE, definition, share_failed
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
     UNSETTLED_NOTE,
@@ -29,6 +31,7 @@ from jaxnet.statistics.summary import (
     lane_shares,
     unsettled_shares,
 )
+from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -92,9 +95,13 @@ def summary_text(
     if pivot:
         beside = any(any(each.intervals()) for each in shown)
         shown = asked if beside else [each.bare() for each in asked]
-    notes = [constant, *grave_warnings(results), *other_warnings(results)]
-    notes = filter(None, [*notes, *summary_notes(results, shown)])
-    return "\n".join([*lines, *map(filled, notes), *left_out_note(left_out, "cells.csv")])
+    cells = [results.study.cells[each] for each in sorted(asked[0].values)]
+    lines += map(filled, filter(None, [constant]))
+    verdict = [] if names or pivot else verdict_lines(results, cells)
+    notes = [*grave_warnings(results, cells), *other_warnings(results, cells)]
+    notes += summary_notes(results, shown)
+    below = [*map(filled, notes), *left_out_note(left_out, "cells.csv")]
+    return "\n\n".join(map("\n".join, filter(None, (lines, map(filled, verdict), below))))
 
 
 def formatted(
@@ -107,7 +114,8 @@ def formatted(
 ) -> str:
     """Return the summary table as csv, markdown or latex, whole, chosen as `summary_text` is."""
     asked = asked_columns(results, names, where, sort, pivot)
-    notes = [*grave_warnings(results), *other_warnings(results)]
+    cells = [results.study.cells[each] for each in asked[0].values]
+    notes = [*grave_warnings(results, cells), *other_warnings(results, cells)]
     notes += [*summary_notes(results, asked), setting_note(results)]
     return in_format(columns.pivoted(asked, pivot) if pivot else asked, form, notes)
 
@@ -136,7 +144,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     alone = {key: each for key, each in config.sweep.items() if not is_joint(key)}
     notes = [*interval_lines(config, shown), *missing_lines(shown, lanes, independent)]
     notes += label_notes(alone, [cell.labels for cell in cells])
-    if "unrecovered" in names and config.recovery is not None:
+    if names & {"unrecovered", columns.SHARE_LOST} and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
     notes += filter(None, metrics.values())
     notes += [hull_note(config, cells)] if "in_hull" in names else []
@@ -147,11 +155,11 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes.append(amplitude_note(cells))
     failed, total = table[["failed", "lanes"]].to_numpy(int).sum(axis=0)
     if failed and not names & {columns.SHARE_FAILED, "failed", "ok"}:
-        notes.append(f"{failed:,} of {count(int(total), 'lane')} failed, and are in no number")
+        whose = "other columns are of lanes that ended"
+        notes.append(f"{failed:,} of {count(int(total), 'lane')} failed; {whose}")
     if any(each.has_rounding() for each in shown):
         notes.append("errors below 1e-9 ā (1e-9 m without an attack) are shown as 0")
-        notes += off_lines(results, shown)
-    if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
+    if names & {"tail_max_max", "spread_max", "outside_max"} and lanes.any() and independent:
         most = lanes.drop(index=mostly_failed(results), errors="ignore")
         many = (most if most.any() else lanes)[lanes > 0].astype(int)
         beyond = share_beyond(int(many.min()))
@@ -160,17 +168,60 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     return [*notes, *caveat_lines(cells)]
 
 
-def grave_warnings(results: Results) -> list[str]:
-    """Why errors are not ultimate, or no errors of a fleet that holds together."""
-    cells = results.study.cells
-    return [*filter(None, [lost_words(results, cells), falling_words(results, cells)])]
+def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
+    """Where all lanes hold, where most lanes do not, and the range of the worst errors."""
+    if len(cells) < 2:
+        return []
+    table: Any = results.cells.loc[[cell.number for cell in cells]]
+    named, asked = partial(numbered_words, cells=cells), results.study.config.recovery is not None
+    ways = ["failed"] * bool(table["failed"].any())
+    ways += [f"ended {recovery.share_name(cells)}"] * asked
+    lines, way = list[str](), " or ".join(ways)
+    lost: Any = share_lost(results)["unrecovered"]
+    shares: Any = lost[table.index].dropna() if asked else share_failed(table)["value"]
+    kind = "cells" if len(shares) == len(cells) else "attacked cells"
+
+    def tell(some: Any, what: str) -> None:
+        where, of = some.index[some].tolist(), f"{len(some)} {kind} {what} {way}"
+        few = len(where) < len(some)
+        lines.append(f"In {len(where)} of {of}: {named(where)}" if few else f"In all {of}")
+
+    if way and len(shares):
+        none, most = shares == 0, shares.max()
+        if shares.min() < 1:
+            tell(*((none, "no lane") if none.any() else (shares > 0, "some lanes")))
+        if most == 1:
+            tell(shares == 1, "all lanes")
+        elif most > 0:
+            where, share = shares.index[shares == most].tolist(), number_text(100 * most, whole=100)
+            lines.append(f"At worst {share} % of lanes {way}: {named(where)}")
+    name, words = "tail_max_max", "Worst vehicle"
+    if is_leaderless(cells):
+        name, words = "outside_max", "Farthest out of the hull of the starts"
+    column = columns.summary_columns(results, [name])[-1]
+    lengths: Any = pd.Series(column.numbers("value"), results.cells.index)
+    known = lengths[table.index].dropna()
+    ends = [
+        f"{column.text(end)} m in {named(known.index[known == end].tolist())}"
+        for end in dict.fromkeys((known.min(), known.max()))
+    ]
+    return [*lines, *[f"{words}: {' to '.join(ends)}"] * (len(known) > 0)]
 
 
-def other_warnings(results: Results) -> list[str]:
-    """What else than the attack may decide, or may not fit the study's presumptions."""
-    config, cells = results.study.config, results.study.cells
-    told = errors_words(config, cells), cuts_words(cells), recovery.lowered_words(results, cells)
-    return [*filter(None, told), *misfit_words(results, cells)]
+def grave_warnings(results: Results, some: Sequence[Cell] | None = None) -> list[str]:
+    """Why errors of these cells (None: all) are not ultimate, or no errors of a whole fleet."""
+    named = partial(numbered_words, cells=some) if some else cells_named
+    cells = some or results.study.cells
+    return [*filter(None, [lost_words(results, cells, named), falling_words(results, cells)])]
+
+
+def other_warnings(results: Results, some: Sequence[Cell] | None = None) -> list[str]:
+    """What else than the attack may decide in these cells, or may not fit presumptions."""
+    named = partial(numbered_words, cells=some) if some else cells_named
+    config, cells = results.study.config, some or results.study.cells
+    told = errors_words(config, cells, named), cuts_words(cells, named)
+    told += recovery.lowered_words(results, cells), *misfit_words(results, cells)
+    return [*filter(None, told)]
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
@@ -197,48 +248,20 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
 
 
 def missing_lines(shown: Sequence[Column], lanes: pd.Series, independent: bool) -> list[str]:
-    """Notes on cells whose `lanes` all agree, and on those whose mean has no interval."""
-    alike, without = dict[tuple[int, ...], list[str]](), set[int]()
-    for each in shown:
-        entries: Any = each.entries
-        if "alike" in entries:
-            same = tuple(sorted(entries.index[entries["alike"]]))
-            alike.setdefault(same, []).append(each.title.partition(" [")[0])
-            if not each.name.removesuffix(" [m]").endswith("median"):
-                none = entries["value"].notna() & entries["low"].isna()
-                without |= {*entries.index[none & ~entries["alike"]]}
-    many = lanes.to_dict()
-    few = {cell for cell in without if many[cell] < LEAST_LANES}
-    reasons = {f"fewer than {LEAST_LANES} lanes": few, TOO_SKEWED: without - few}
-    notes = [
-        f"mean without interval: {why}: {cells_named(sorted(some))}"
-        for why, some in reasons.items()
-        if some
-    ]
-    alike.pop((), None)
+    """What (alike) says of cells with these `lanes`, and which cells' means have no interval."""
+    alike, without, notes = set[int](), set[int](), list[str]()
+    for entries in (each.entries for each in shown if "alike" in each.entries):
+        same: Any = entries["alike"]
+        alike |= {*entries.index[same]}
+        without |= {*entries.index[entries["value"].notna() & entries["low"].isna() & ~same]}
+    if without:
+        why = f"fewer than {LEAST_LANES} lanes, or too few for so skewed values"
+        notes.append(f"mean without interval: {why}: {cells_named(sorted(without))}")
     if alike:
-        told = (f"{'; '.join(mine)} ({cells_named(some)})" for some, mine in alike.items())
-        fewest = min(int(many[cell]) for some in alike for cell in some)
-        words = f"alike: all lanes of a cell, at least {fewest}, have the same {'; '.join(told)}"
-        most = f"; of all possible lanes at most {share_beyond(fewest)} have another value"
-        notes.append(words + f"{most}, with 95 % confidence" * independent)
+        most = share_beyond(int(lanes.loc[sorted(alike)].min()))
+        words = f"; at most {most} of all possible lanes have another, with 95 % confidence"
+        notes.append("(alike): all lanes of the cell have the same value" + words * independent)
     return notes
-
-
-def off_lines(results: Results, shown: Sequence[Column]) -> list[str]:
-    """How many lanes are off in cells whose 95 % quantile reads 0, but not their greatest value."""
-    found = dict[str, list[int]]()
-    for each in shown:
-        if each.name.endswith("_q95") and "size" in each.entries:
-            title, table = each.title.partition(" [")[0], each.entries[["value", "size"]]
-            beside = results.cells[["ok", each.name.replace("_q95", "_max")]]
-            for cell, value, size, lanes, most in table.join(beside).itertuples():
-                few = int(0.05 * (lanes - 1) + 1e-9)  # above 95 %
-                told = f"{title} 0: up to {few} of {count(int(lanes), 'lane')} are off"
-                low, high = (without_rounding(each, size) for each in (value, most))
-                if low == 0 < high:
-                    found.setdefault(told, []).append(cell)
-    return [f"{words}: {cells_named(cells)}" for words, cells in found.items()]
 
 
 def share_beyond(lanes: int) -> str:
@@ -324,16 +347,17 @@ def stop_reason(results: Results) -> str:
     return words
 
 
-def failures_text(results: Results) -> str:
+def failures_text(results: Results, where: Where | None = None) -> str:
     """Failed lanes by reason, the first with the command that replays it; empty of none."""
-    by_cell, known = failed_kinds(results), results.study.cells
+    cells = select_cells(results.study.cells, where or {})
+    known = {cell.number: cell for cell in cells}
+    by_cell = {cell: kinds for cell, kinds in failed_kinds(results).items() if cell in known}
     lines = [
-        filled(f"failed: {told} of {count(lanes, 'lane')} in {numbered_words(cells, known)}")
-        for cells, told, lanes in failures_alike(results, by_cell)
+        filled(f"failed: {told} of {count(lanes, 'lane')} in {numbered_words(numbers, cells)}")
+        for numbers, told, lanes in failures_alike(results, by_cell)
     ]
-    _, failed = results.failed(1)
-    first: Any = failed.itertuples()
-    for row in first:
+    failed: Any = results.failed(sys.maxsize)[1]
+    for row in failed[failed["cell"].isin([*known])].head(1).itertuples():
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
         title = cell_title(known[row.cell])
@@ -342,7 +366,7 @@ def failures_text(results: Results) -> str:
     every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
     lines += [filled(f"{k}: {FAILURE_REASONS[k]}") for k in every if k in FAILURE_REASONS]
     held = [cell for cell, kinds in by_cell.items() if {*kinds} & {*HELD_TOO_LONG}]
-    if any(results.study.cells[number].scenario.engine.samples for number in held):
+    if any(known[number].scenario.engine.samples for number in held):
         lines.append(filled(ON_SAMPLED))
     return "\n".join(lines)
 
@@ -367,7 +391,10 @@ def lane_text(results: Results, row: pd.Series) -> str:
     """Row of a lane, and whether the stored row equals it."""
     stored = results.row(*map(int, row.loc[["cell", "sample"]].tolist()))
     room = terminal_width() - 4 - max(map(len, row.index))
-    lines = row.map(lambda value: cut_text(value, room)).to_string()
+    lines = row.dropna().map(lambda value: cut_text(value, room)).to_string()
+    status = str(row["status"])
+    if status in FAILURE_REASONS:
+        lines = f"{lines}\n{filled(f'{status}: {FAILURE_REASONS[status]}')}"
     if stored is None:
         return f"{lines}\nno such row is stored"
     known: Any = row[stored.index]  # without columns that earlier versions had not

@@ -11,7 +11,7 @@ from jaxnet.config.scenario import BOUNDS, missing
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.wording import cells_named, count, ranges
 from jaxnet.theory.case import Case
-from jaxnet.view.text.facts import UNSTABLE, Facts, attacked_at_once
+from jaxnet.view.text.facts import UNSTABLE, Facts, attacked_at_once, dropping_all
 from jaxnet.view.text.width import WIDEST, filled, swept_words
 
 NO_AGREEMENT = 1, "No agreement is proved"
@@ -28,7 +28,7 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
     """Claims of theory about a cell: proofs under an attack, and what may go wrong."""
     scenario, defence = case.scenario, case.scenario.defence
     graph, attacked, trusted = attacked_at_once(scenario)
-    drops, F = defence.may_drop(graph, trusted).links, defence.tolerates()
+    drops, surely = defence.may_drop(graph, trusted).links, dropping_all(scenario).any()
     agreed = "agreement" in found and found["agreement"].proved
     for name in (name for name, line in lines.items() if UNSTABLE in line):
         yield 0, f"WARNING: unstable, deviations grow (line `{name}`)"
@@ -49,8 +49,6 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         yield OF_LIARS, f"A vehicle {hears} more attackers than its defence bears"
     if scenario.attack.present and "honest paths" in found and found["honest paths"].cut_off:
         yield 4, "No honest path leads from the navigator to some vehicle"
-    heard = graph.heard.sum(axis=1)
-    surely = F is not None and ((heard > 0) & (heard <= F) & (heard == drops.sum(axis=1))).any()
     if scenario.leaderless and surely:
         yield 5, "A vehicle drops all sources (F too great), and stays where it starts"
     elif scenario.leaderless and not agreed and drops.any():
@@ -70,7 +68,8 @@ def verdict_lines(first: Sequence[str], said: Sequence[tuple[Claim, int]], cells
         where.setdefault(claim, []).append(number)
     every, places = sorted(where), Counter(place for place, _ in where)
     some = [each for each in every if each not in NOTHING or places[each[0]] == 1]
-    for most, shown in ((WIDEST, every), (WIDEST // 2, some), (0, some), (0, some[:-1])):
+    few = WIDEST // 2
+    for most, shown in ((WIDEST, every), (few, some), (few, some[:-1]), (0, some), (0, some[:-1])):
         told = [f"{each[1]}{placed(where[each], cells, most)}." for each in shown]
         lines = [line for each in (*first, *told) for line in filled(each).splitlines()]
         if len(lines) <= VERDICT_LINES:

@@ -22,13 +22,12 @@ LENGTHS = {  # columns of worst.csv that are told per ā, with their titles
     "greatest": "greatest tried",
     "random": "worst random lane",
     "bound": "bound of theory",
-    "ratio": "bound / found",
     "fresh": "other starts, mean",
     "fresh_low": "other starts, 5 %",
     "nonlinear": "found, nonlinear engine",
 }
 SEARCH_LANES = "lanes of the search"
-LESS_ASKED = ("fresh_low", "greatest", "nonlinear", "ratio", "fresh")
+LESS_ASKED = ("fresh_low", "greatest", "nonlinear", "fresh")
 SEARCH_DROP_ORDER = ((SEARCH_LANES,), *((LENGTHS[name],) for name in LESS_ASKED))
 
 
@@ -130,13 +129,12 @@ def worst_rows(results: Results) -> pd.DataFrame:
     Bounds are left out where none is known.
     """
     found: Any = results.worst
-    ratio = found["bound"] / found["found"]
-    lengths = found.assign(ratio=ratio)[list(LENGTHS)]
+    lengths = found[list(LENGTHS)]
     if is_per_size(results):
         lengths = lengths.div(found["magnitude"], axis="index")
-        lengths = lengths.map(lambda each: without_rounding(each, 1.0)).assign(ratio=ratio)
+        lengths = lengths.map(lambda each: without_rounding(each, 1.0))
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
-        lengths = lengths.drop(columns=["bound", "ratio"])
+        lengths = lengths.drop(columns=["bound"])
     swept = pd.DataFrame([worded(results.study.cells[number].labels) for number in found["cell"]])
     who, lanes = found[["cell"]].join(swept).join(found["attacked"]), found["lanes"]
     return pd.concat(
