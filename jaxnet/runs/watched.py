@@ -57,8 +57,9 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
 def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Simulate the lanes of the report that no store holds; yield each store.
 
-    The nonlinear engine simulates the worst lanes, unless inputs are held; the study's own engine
-    simulates the others, and lanes that were given up. Large fleets are left out, with a warning.
+    The nonlinear engine simulates the worst lanes of vehicles with a singular law, unless inputs are
+    held; the study's own engine simulates the others, and lanes that were given up. Large fleets are
+    left out, with a warning.
     """
     if fleet := too_large(results):
         warnings.warn(f"{results.place}: {fleet}, are too large to be put in motion", stacklevel=2)
@@ -107,8 +108,9 @@ def watched_stores(results: Results) -> dict[tuple[int, int, str | None], UPath]
     there, worst = {each[:2] for each in stored_lanes(results)}, worst_of(results)
     wanted: dict[tuple[int, int], str | None] = dict.fromkeys([*worst, *exemplary(results)])
     for at in worst:
-        samples = results.study.cells[at[0]].scenario.engine.samples
-        if not samples and not gave_up(results, *at, "nonlinear"):
+        scenario = results.study.cells[at[0]].scenario
+        by_law = scenario.vehicle.singular and not scenario.engine.samples
+        if by_law and not gave_up(results, *at, "nonlinear"):
             wanted[at] = "nonlinear"
     shown = ((at, by) for at, by in wanted.items() if by or at not in there)
     return {(*at, by): results.file(store_of(results, *at, by)) for at, by in shown}
