@@ -61,9 +61,7 @@ def errors_text(found: Sequence[Curve]) -> str:
     shown = fitted_columns(table, labels, DROP_ORDER)
     lines = [filled(TITLE), fitted_text(table, labels, DROP_ORDER, "fit.csv and bounds.csv")]
     told = [*map(str, shown[MEAN]), *map(str, shown.get(INTERVAL, ()))]
-    lines += [
-        filled(note) for text, note in SLOPE_NOTES.items() if any(text in each for each in told)
-    ]
+    lines += [filled(SLOPE_NOTES[text]) for text in SLOPE_NOTES if any(text in t for t in told)]
     if bounds := [title for title in BOUND_TITLES.values() if title in shown]:
         lines.append(filled(BOUNDS_LEGEND.format(", ".join(bounds))))
     return "\n".join(lines)
