@@ -84,7 +84,8 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
     told = comparison.comparison_text(found)
     assert "defence.kind: none in A, trusted_trim in B" in told
     words = " ".join(told.split())
-    assert "Alike: all lanes of a cell, at least 10, have the same" in words
+    alike = "(alike): all lanes of the cell have the same value; at most 25.9 % of all possible"
+    assert alike in words  # 1 - 0.05^(1/10)
     table, legend = words.partition(" All differences")[::2]
     legend, left_out = legend.partition("left out: ")[::2]
     for column, note in {"worst vehicle": "Worst vehicle (", "pairs": "McNemar"}.items():
@@ -114,8 +115,7 @@ def test_a_study_differs_from_itself_by_nothing(without):
     assert "they are the same study" in told
     measured = [each for each in comparison.comparison_columns(found) if "[m]" in each.title]
     assert {text for each in measured[1:] for text in each.texts()} == {"0 (alike)"}
-    assert "lanes of a cell, at least 12, have the same " in told
-    assert "(cells 0-3); of all possible lanes" in told
+    assert "of the cell have the same value; at most 22.1 % of all possible lanes have" in told
 
 
 def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):

@@ -155,7 +155,7 @@ def test_a_verdict_names_the_cells_where_all_lanes_hold_and_the_worst_ones():
     results = results_of(sweep, True, 6)
     results.cells["unrecovered"] = [1.0, 1.0, 0.8, 0.0, 0.0, 0.0]
     results.cells["tail_max_max"] = [1.0, 2.0, 3.0, 1e-15, 0.5, 0.5]
-    told = tables.verdict_lines(results, results.study.cells)
+    told = tables.held_lines(results, results.study.cells)
     assert [one_line([each]) for each in told] == [
         "In 3 of 6 cells no lane ended unrecovered: cells 3-5 (W-MSR)",
         "In 2 of 6 cells all lanes ended unrecovered: cells 0, 1 (no defence, ā = 1 and 2 m)",
@@ -164,20 +164,20 @@ def test_a_verdict_names_the_cells_where_all_lanes_hold_and_the_worst_ones():
     text = tables.summary_text(results, where={"attack.magnitude": 3.0})
     assert "In 1 of 2 cells no lane ended unrecovered: cell 5 (W-MSR)" in one_line([text])
     assert "At worst 80 % of lanes ended unrecovered: cell 2 (no defence)" in one_line([text])
-    assert tables.verdict_lines(results, results.study.cells[:1]) == []
+    assert tables.held_lines(results, results.study.cells[:1]) == []
     results.cells["failed"], results.cells["lanes"] = 5, 10
-    assert tables.verdict_lines(results, results.study.cells)[0] == (
+    assert tables.held_lines(results, results.study.cells)[0] == (
         "In all 6 cells some lanes failed or ended unrecovered"
     )
     results.cells["unrecovered"] = 1.0
-    (first, _) = tables.verdict_lines(results, results.study.cells)
+    (first, _) = tables.held_lines(results, results.study.cells)
     assert first == "In all 6 cells all lanes failed or ended unrecovered"
 
 
 def test_a_cell_without_attack_is_not_counted_among_those_that_hold():
     results = results_of({"attack.magnitude": [0, 1, 2]}, True, 3)
     results.cells["unrecovered"] = [math.nan, 0.0, 0.2]
-    first, worst, _ = tables.verdict_lines(results, results.study.cells)
+    first, worst, _ = tables.held_lines(results, results.study.cells)
     assert one_line([first]) == (
         "In 1 of 2 attacked cells no lane ended unrecovered: cell 1 (ā = 1 m)"
     )

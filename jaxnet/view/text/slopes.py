@@ -20,8 +20,8 @@ from jaxnet.view.text.width import cell_title, filled
 
 MOST_VIOLATIONS = 20
 MEAN, INTERVAL, WORST = "mean error", "95 % interval", "worst error"
-BOUNDS = {name: title for name, title in BOUND_NAMES.items() if name != "lyapunov_printed"}
-DROP_ORDER = tuple((name,) for name in (*reversed([*BOUNDS.values()][3:]), INTERVAL))
+BOUND_TITLES = {name: title for name, title in BOUND_NAMES.items() if name != "lyapunov_printed"}
+DROP_ORDER = tuple((name,) for name in (*reversed([*BOUND_TITLES.values()][3:]), INTERVAL))
 TITLE = (
     "errors over the tail, as multiples of ā. mean error: s of the best fit error = s ā, the mean"
     " of vehicles and lanes; worst error: of any vehicle in any lane"
@@ -32,7 +32,7 @@ BOUNDS_LEGEND = (
 )
 FLAT, BENT, FAILED, ONE_MAGNITUDE = "flat", "bent", "all failed", "one ā: "
 NO_INTERVAL, ALIKE = "[-]", "(alike)"
-NOTES = {  # by a text of a table
+SLOPE_NOTES = {  # by a text of a table
     FLAT: "flat: errors of greater ā are not greater",
     BENT: "bent: errors rise with ā, but not in proportion",
     ALIKE: "(alike): all lanes have the same error per ā",
@@ -56,13 +56,13 @@ def errors_text(found: Sequence[Curve]) -> str:
     if not any(curve.fits or curve.bounds for curve in found):
         return ""
     table, labels = group_columns([(curve, curve_texts(curve)) for curve in found])
-    unknown = [title for title in BOUNDS.values() if {*table[title]} == {"-"}]
+    unknown = [title for title in BOUND_TITLES.values() if {*table[title]} == {"-"}]
     table = {name: values for name, values in table.items() if name not in unknown}
     shown = fitted_columns(table, labels, DROP_ORDER)
     lines = [filled(TITLE), fitted_text(table, labels, DROP_ORDER, "fit.csv and bounds.csv")]
     told = [*map(str, shown[MEAN]), *map(str, shown.get(INTERVAL, ()))]
-    lines += [filled(note) for text, note in NOTES.items() if any(text in each for each in told)]
-    if bounds := [title for title in BOUNDS.values() if title in shown]:
+    lines += [filled(SLOPE_NOTES[text]) for text in SLOPE_NOTES if any(text in t for t in told)]
+    if bounds := [title for title in BOUND_TITLES.values() if title in shown]:
         lines.append(filled(BOUNDS_LEGEND.format(", ".join(bounds))))
     return "\n".join(lines)
 
@@ -70,7 +70,7 @@ def errors_text(found: Sequence[Curve]) -> str:
 def curve_texts(curve: Curve) -> dict[str, str]:
     """A row of the table; without a bound, an error that is not proportional to ā is in metres."""
     mean, ends = slope_texts(curve)
-    bounds = {title: size_text(curve.slope(name, "worst")) for name, title in BOUNDS.items()}
+    bounds = {title: size_text(curve.slope(name, "worst")) for name, title in BOUND_TITLES.items()}
     worst = size_text(curve.worst)
     if {*bounds.values()} == {"-"} and (curve.is_bent("tail_max") or curve.is_flat("tail_max")):
         worst = f"{number_text(np.fmax.reduce(curve.spread('tail_max', 'max')[0]))} m"

@@ -97,7 +97,7 @@ def summary_text(
         shown = asked if beside else [each.bare() for each in asked]
     cells = [results.study.cells[each] for each in sorted(asked[0].values)]
     lines += map(filled, filter(None, [constant]))
-    verdict = [] if names or pivot else verdict_lines(results, cells)
+    verdict = [] if names or pivot else held_lines(results, cells)
     notes = [*grave_warnings(results, cells), *other_warnings(results, cells)]
     notes += summary_notes(results, shown)
     below = [*map(filled, notes), *left_out_note(left_out, "cells.csv")]
@@ -168,7 +168,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     return [*notes, *caveat_lines(cells)]
 
 
-def verdict_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
+def held_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
     """Where all lanes hold, where most lanes do not, and the range of the worst errors."""
     if len(cells) < 2:
         return []
