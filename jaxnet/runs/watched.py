@@ -19,7 +19,7 @@ from jaxnet.store.arrays import lane_in, lanes_in, open_store
 from jaxnet.store.results import Results
 
 WORST_OF_ALL = "worst lane of the study"
-WORST = "worst per ā over all ā"
+WORST = "worst per ā of cells that differ in ā"
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
 MOST_BYTES = 2**28  # that such a lane may take
 MOST_VEHICLES = 300  # of a fleet of which each can be told from the others where it is drawn
@@ -57,9 +57,9 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
 def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Simulate the lanes of the report that no store holds; yield each store.
 
-    The nonlinear engine simulates the worst lanes of vehicles with a singular law, unless inputs are
-    held; the study's own engine simulates the others, and lanes that were given up. Large fleets are
-    left out, with a warning.
+    The nonlinear engine simulates the worst lanes where a law may be singular, unless inputs are
+    held; the study's own engine simulates the others, and lanes that were given up. Large fleets
+    are left out, with a warning.
     """
     if fleet := too_large(results):
         warnings.warn(f"{results.place}: {fleet}, are too large to be put in motion", stacklevel=2)

@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.keys import Config, Scenario
@@ -101,13 +102,17 @@ def cuts_words(cells: Sequence[Cell], named: Named = cells_named) -> str:
     return f"{words} {named(found)}" if found else ""
 
 
-def lost_cells(results: Results, column: str) -> list[int]:
-    """Cells whose fleet is lost: a column of errors [m] is far above ā and every start."""
+def lost_limits(results: Results) -> Float[np.ndarray, " cells"]:
+    """Errors [m] above which a fleet is lost, by cell: far above ā and every start."""
     cells = results.study.cells
     sizes = known_or(np.zeros(len(cells)), lambda: cell_magnitudes(results))
     starts = [known_or(np.inf, lambda cell=cell: start_sizes(cell.scenario)[0]) for cell in cells]
-    limits = LOST * (np.nan_to_num(sizes) + starts)
-    return np.flatnonzero(results.cells[column].to_numpy() > limits).tolist()
+    return LOST * (np.nan_to_num(sizes) + starts)
+
+
+def lost_cells(results: Results, column: str) -> list[int]:
+    """Cells whose fleet is lost, by a column of errors [m]."""
+    return np.flatnonzero(results.cells[column].to_numpy() > lost_limits(results)).tolist()
 
 
 def lost_words(results: Results, cells: Sequence[Cell], named: Named = cells_named) -> str:

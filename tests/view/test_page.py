@@ -541,6 +541,9 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
     assert "95\xa0% intervals of these shares reach at most 26.5 percentage points" in found
     found = told(tmp_path, [9.0, 8.0, 9.0, 8.0], **DEFENCES)
     assert "No test of paired lanes finds a field better" in found
+    found = told(tmp_path, [9.0, 9.0, 1e9, 9.0, 9.0, 9.0, 9.0, 9.0], **keys)
+    assert "<br>error 1e+09, 9\xa0m<br>lost 100, 0\xa0%<br>worse than none in 1 of 2 cells" in found
+    assert "<li>Lost: an error over 1,000 times ā and the farthest start.</li>" in found
     found = told(tmp_path, FOUR, **DEFENCES)  # a single choice: magnitudes make the columns
     assert '<tr><th scope="col">defence</th><th scope="col">ā\xa0=\xa01\xa0m</th>' in found
     assert "<p>Error of the median lane. 12 lanes a cell:</p>" in found
@@ -1238,7 +1241,7 @@ def test_lanes_say_why_they_are_shown(folder, monkeypatch):
     monkeypatch.setattr(watched, "worst_of", lambda results: [other, greatest])
     first, second = watched.watched(results)[:2]
     assert first[:3] == (*greatest, "worst lane of the study")
-    assert second[:3] == (*other, "worst per ā over all ā")
+    assert second[:3] == (*other, "worst per ā of cells that differ in ā")
     lanes, _ = trajectories.lanes_data(results)
     assert "(worst lane of the study): error" in lanes[0]["label"]
 

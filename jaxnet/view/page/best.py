@@ -1,11 +1,10 @@
 """The best combination of swept kinds, in one sentence: what the page says first."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import choices_words, key_name, labels_title
@@ -16,6 +15,7 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.compared import named, swept_texts, wins
 from jaxnet.view.page.grid import choices
 from jaxnet.view.page.judged import (
+    LaneFlags,
     fallen_words,
     falling_cells,
     judged_lanes,
@@ -27,7 +27,7 @@ from jaxnet.view.text.facts import attacked_at_once
 MOST_COMPARED = 20_000  # of two cells; a few seconds
 
 
-def best_sentence(results: Results, fallen: Mapping[int, pd.Series]) -> str:
+def best_sentence(results: Results, flags: LaneFlags) -> str:
     """The combinations of swept choices that no other beats in any setting, with their numbers.
 
     Under attack lanes are compared by whether they hold (`fallen`, by cell), then by their errors.
@@ -44,6 +44,7 @@ def best_sentence(results: Results, fallen: Mapping[int, pd.Series]) -> str:
     if len(combined) * combined.nunique() > 2 * MOST_COMPARED:
         return ""
     left, others = combined, swept.drop(columns=[*kinds])
+    fallen = {cell: each["fallen"] for cell, each in flags.items()}
     for lanes in (fallen, judged_lanes(results, swept.index, "m")):
         if won := wins(results, lanes, left, others.loc[left.index]):
             left = left[~left.isin(won.beaten())]
@@ -65,7 +66,7 @@ def best_sentence(results: Results, fallen: Mapping[int, pd.Series]) -> str:
     equal = ", none better than another" * (len(best) > 1)
     among = ", where errors have settled" * bool(falling)
     told = f"{of}{among}{equal}: {'; '.join(where)}"
-    numbers = numbers_words(results, [*left.index], fallen)
+    numbers = numbers_words(results, [*left.index], flags)
     return f"<b>Best {escape(told)}</b>. {numbers}.{dropping_words(results, [*left.index])}"
 
 
@@ -87,10 +88,10 @@ def dropping_words(results: Results, cells: Sequence[int]) -> str:
     return f" A vehicle may drop all of its {alone}."
 
 
-def numbers_words(results: Results, cells: Sequence[int], fallen: Mapping[int, pd.Series]) -> str:
+def numbers_words(results: Results, cells: Sequence[int], flags: LaneFlags) -> str:
     """How many lanes of each cell do not hold, and the greatest errors."""
     alone = is_leaderless(results.study.cells)
-    lanes = [fallen[cell] for cell in cells]
+    lanes = [flags[cell]["fallen"] for cell in cells]
     lost, sizes = np.array([[each.sum(), len(each)] for each in lanes]).T
     table: Any = results.cells.reset_index(drop=True).loc[cells]
     median = table[f"{judged_metric(results.study.cells)}_median"].max()

@@ -43,10 +43,10 @@ from jaxnet.view.page.judged import (
     CellErrors,
     ComparedBy,
     criterion_text,
-    fallen_lanes,
     held_word,
     is_negligible,
     judged_errors,
+    judged_flags,
     judged_word,
     known_shares,
     measures_compared,
@@ -84,9 +84,8 @@ def findings_section(
     if distances:  # filters are for distances, not for errors
         judged["filter"] = [distances]
     compared = comparisons(results, judged)
-    fallen = fallen_lanes(results, range(len(cells)), outside=True)
-    grid = grid_html(results, fallen)
-    best = best_sentence(results, fallen)
+    flags = judged_flags(results, range(len(cells)), outside=True)
+    grid, best = grid_html(results, flags), best_sentence(results, flags)
     sentences = [
         proved_sentence(results, theory),
         failed_sentence(results),

@@ -25,7 +25,7 @@ from jaxnet.config.naming import (
 from jaxnet.model.wording import count_between, counted, number_text
 from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.groups import Label, swept_values_of
-from jaxnet.statistics.horizon import lost_cells
+from jaxnet.statistics.horizon import LOST
 from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.recovery import attacked_mask, confidence_told
 from jaxnet.store.results import Results
@@ -33,8 +33,8 @@ from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.compared import swept_texts, wins
 from jaxnet.view.page.elements import notes_html, paragraph, sentence_case
 from jaxnet.view.page.judged import (
+    LaneFlags,
     criterion_text,
-    failed_lanes,
     fallen_words,
     falling_cells,
     judged_lanes,
@@ -50,8 +50,8 @@ CONDITIONS += ("channel.quantisation", "sensing", "vehicle", "horizon", "tail", 
 MOST_ROWS, MOST_COLUMNS, MOST_NUMBERS = 40, 8, 4  # numbers are of a field's cells
 NONE = "none"
 ABOUT_TESTS = {  # by whether any finds a difference
-    True: "better or worse than no {}: by tests of paired lanes, first of those that do not hold;"
-    " without a difference, of those that fail; then of errors",
+    True: "better or worse than no {}: by tests of paired lanes, of those that do not hold; without"
+    " a difference, of those that fail or are lost; then of errors",
     False: "no test of paired lanes finds a field better or worse than no {}",
 }
 
@@ -122,16 +122,16 @@ def layout(cells: Sequence[Cell]) -> GridLayout | None:
     return laid if len(fields) <= MOST_ROWS and len(laid.heads) <= MOST_COLUMNS else None
 
 
-def grid_html(results: Results, fallen: Mapping[int, pd.Series]) -> str:
-    """The table with its notes as HTML, "" where it has no place; `fallen` lanes do not hold."""
+def grid_html(results: Results, flags: LaneFlags) -> str:
+    """The table with its notes as HTML, "" where it has no place; `flags` are of lanes, by cell."""
     laid = layout(results.study.cells)
     if laid is None:
         return ""
     heads = [quantity(key) for key in laid.rows]
     heads += [", ".join(map(value_name, laid.columns, column)) for column in laid.heads]
-    against = against_none(results, laid.optional, fallen) if laid.optional else {}
+    against = against_none(results, laid.optional, flags) if laid.optional else {}
     differ = any(against.values())
-    fields = fields_html(results, laid, fallen, against if differ else {})
+    fields = fields_html(results, laid, flags, against if differ else {})
     lines = []
     for row in laid.fields:
         values = map(value_alone, laid.rows, row)
@@ -142,32 +142,36 @@ def grid_html(results: Results, fallen: Mapping[int, pd.Series]) -> str:
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     table = f'<table class="verdict"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
     tests = ABOUT_TESTS[differ].format(key_name(laid.optional)) if against else ""
-    caption, *notes = grid_words(results, laid, fallen, tests)
+    caption, *notes = grid_words(results, laid, flags, tests)
     box = f'<div class="box" tabindex="0">{table}</div>'
     return f"{paragraph(escape(caption))}{box}{notes_html(notes)}"
 
 
 def fields_html(
-    results: Results, laid: GridLayout, fallen: Mapping[int, pd.Series], against: Mapping[int, str]
+    results: Results, laid: GridLayout, flags: LaneFlags, against: Mapping[int, str]
 ) -> dict[tuple[Combination, Combination], str]:
     """Each field: lanes that do not hold, why lanes failed, errors, and what is found `against`."""
     alone, failures = is_leaderless(results.study.cells), failed_kinds(results)
     table: Any = results.cells.reset_index(drop=True)
     medians = table[f"{judged_metric(results.study.cells)}_median"]
-    lost, falling = lost_cells(results, str(medians.name)), falling_cells(results)
+    falling = {*falling_cells(results)}
     medians = medians.mask(medians < negligible_errors(results), 0.0)
     word, tells, found = judged_word(results), has_verdict(results), {}
     for row, mine in laid.fields.items():
         for column, cells in mine.items():
-            shares = pd.Series([100 * fallen[cell].mean() for cell in cells])
+            shares = pd.Series([100 * flags[cell]["fallen"].mean() for cell in cells])
             reasons = sum((failures.get(cell, Counter()) for cell in cells), Counter())
             error = lengths_text(word, medians[cells], laid.listed)
             told = [f"<b>{numbers_text(shares, percent_text, laid.listed)} %</b>" * tells]
             told.append(counted(reasons))
-            told.append(f"{error}{', lost' * bool({*lost} & {*cells})}")
+            told.append(error)
+            lost = pd.Series([100 * flags[cell]["lost"].mean() for cell in cells])
+            told.append(
+                f"lost {numbers_text(lost, percent_text, laid.listed)} %" * bool(lost.any())
+            )
             if alone:
                 told.append(lengths_text("out", table.loc[cells, "outside_max"], laid.listed))
-            told.append(f"{word} still falls" * bool({*falling} & {*cells}))
+            told.append(f"{word} still falls" * bool(falling & {*cells}))
             told.append(found_words([against[cell] for cell in cells if cell in against]))
             colour = f' style="--lost: {shares.mean():.0f}"' * tells
             text = "<br>".join(filter(None, told))
@@ -197,15 +201,16 @@ def numbers_text(values: pd.Series, text: Callable[[float], str], listed: bool) 
     return texts[0] if alike else (", " if listed else " to ").join(texts)
 
 
-def against_none(results: Results, key: str, fallen: Mapping[int, pd.Series]) -> dict[int, str]:
+def against_none(results: Results, key: str, flags: LaneFlags) -> dict[int, str]:
     """What tests find of cells against those whose choice is none; "" of no difference.
 
-    The first that differs counts: whether lanes hold, whether they fail, their errors.
+    The first that differs counts: whether lanes hold, whether they are gone, their errors.
     """
     texts: Any = swept_texts(results)[attacked_mask(results.study.cells)]
-    failed, found = failed_lanes(results), dict[int, str]()
-    errors = judged_lanes(results, texts.index, "m")
-    for lanes in (fallen, failed.lanes if failed else {}, errors):
+    fallen = {cell: each["fallen"] for cell, each in flags.items()}
+    gone = {cell: each["lost"] | each["failed"] for cell, each in flags.items()}
+    found = dict[int, str]()
+    for lanes in (fallen, gone, judged_lanes(results, texts.index, "m")):
         won = wins(results, lanes, texts[key], texts.drop(columns=key))
         for (better, worse), tests in won.tests.items() if won else ():
             for test in tests:
@@ -225,12 +230,10 @@ def found_words(found: Sequence[str]) -> str:
     return joined_names(told) or "no difference from none is found" * bool(found)
 
 
-def grid_words(
-    results: Results, laid: GridLayout, fallen: Mapping[int, pd.Series], tests: str
-) -> list[str]:
+def grid_words(results: Results, laid: GridLayout, flags: LaneFlags, tests: str) -> list[str]:
     """What a field tells: a caption, then notes on its lines."""
     cells = [cell for row in laid.fields.values() for some in row.values() for cell in some]
-    lost, sizes = np.array([[fallen[cell].sum(), len(fallen[cell])] for cell in cells]).T
+    lost, sizes = np.array([[flags[n]["fallen"].sum(), len(flags[n])] for n in cells]).T
     over = f", over all values of {joined_names([*map(key_name, laid.settings)])}"
     if laid.listed:
         ((key, values),) = laid.settings.items()
@@ -244,6 +247,8 @@ def grid_words(
             reach = 100 * max((high - lost / sizes).max(), (lost / sizes - low).max())
             most = f"{number_text(reach)} percentage points from the value"
             notes.append(f"{100 * sure:g} % intervals of these shares reach at most {most}")
+    if any(flags[cell]["lost"].any() for cell in cells):
+        notes.insert(0, f"lost: an error over {LOST:,} times ā and the farthest start")
     if is_leaderless(results.study.cells):
         notes.insert(0, "out: how far the worst lane of a cell leaves the hull of the starts")
     lanes = count_between(sizes.tolist(), "lane")

@@ -12,6 +12,7 @@ from jaxnet.kinds.metrics import LANE_STATISTICS
 from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR, attack_size
+from jaxnet.statistics.horizon import lost_limits
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
 from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
 from jaxnet.statistics.summary import count_in_hull
@@ -52,6 +53,9 @@ class ComparedBy(NamedTuple):
 
     def told(self, value: float) -> str:
         return percent_text(value) if self.unit == "%" else error_text(value)
+
+
+LaneFlags = Mapping[int, Any]  # frames of fallen, lost, failed lanes by sample, by cell
 
 
 class CellErrors(NamedTuple):
@@ -135,19 +139,23 @@ def settled(results: Results, values: pd.DataFrame) -> pd.DataFrame:
     return values if left.empty else left
 
 
-def fallen_lanes(
+def judged_flags(
     results: Results, cells: Iterable[int], *, outside: bool = False
-) -> dict[int, pd.Series]:
-    """Which lanes fail or do not recover (agree), by sample, or leave the hull if that counts."""
+) -> dict[int, Any]:
+    """Which lanes fall, are lost and failed: a frame by sample of each cell.
+
+    A lane falls if it fails or does not recover (agree), or leaves the hull if that counts.
+    """
     judged, asked = judged_metric(results.study.cells), results.study.config.recovery
-    outside = outside and is_leaderless(results.study.cells)
-    columns, found = ["sample", "status", judged, *["outside"] * outside], dict[int, pd.Series]()
+    outside, limits = outside and is_leaderless(results.study.cells), lost_limits(results)
+    columns, found = ["sample", "status", judged, *["outside"] * outside], {}
     for cell, lanes in results.by_cell(*columns, cells={*cells}):
-        mine = results.study.cells[cell]
-        bad: Any = (lanes["status"] != "ok") | (lanes[judged] > threshold(mine, asked))
+        mine, failed = results.study.cells[cell], lanes["status"] != "ok"
+        fallen = failed | (lanes[judged] > threshold(mine, asked))
         if outside:
-            bad |= lanes["outside"] > mine.scenario.engine.accuracy
-        found[cell] = bad.set_axis(lanes["sample"])
+            fallen |= lanes["outside"] > mine.scenario.engine.accuracy
+        flags = {"fallen": fallen, "lost": lanes[judged] > limits[cell], "failed": failed}
+        found[cell] = pd.DataFrame(flags).set_axis(lanes["sample"])
     return found
 
 
@@ -234,7 +242,7 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
     shares: Any = settled(results, known_shares(results))["value"]
     if results.study.config.recovery is not None and shares.nunique() > 1:
         what, name = held_word(results), f"lanes {lost_name(results)}"
-        lanes = fallen_lanes(results, shares.index)
+        lanes = {n: each["fallen"] for n, each in judged_flags(results, shares.index).items()}
         better, worse = f"more lanes {what}", f"fewer lanes {what}"
         found += [ComparedBy(name, "%", better, worse, shares, lanes)]
     if shares.empty or shares.any():  # else all errors are below what is asked

@@ -52,7 +52,7 @@ from jaxnet.view.page.elements import (
     views_html,
 )
 from jaxnet.view.page.plots import networks_html, plotted, tiled
-from jaxnet.view.page.setting import setting_rows
+from jaxnet.view.page.setting import alternatives, attacks, kind_name, setting_rows
 from jaxnet.view.text import check, tables, worst
 from jaxnet.view.text.analyses import RARE_LEGEND, SENSITIVITY_LEGEND, rare_rows
 
@@ -66,13 +66,17 @@ VEHICLE_WORDS = {
     "greatest": "greatest [m]",
     "unrecovered": "lanes over threshold [%]",
 }
+WORDS = (
+    "Cell: one combination of the swept values. Lane: one simulated run of a cell. ā: size of the"
+    " attack. Tail: the end of a run, over which errors are taken."
+)
 ULTIMATE_NOTE = "Error over the tail, with the bounds of theory where there are any."
 NOT_ON_A_LOG_AXIS = " Cells with ā = 0 have no place on a log axis."
 SLOPES_NOTE = (
     "The greatest error of any vehicle as a multiple of ā: the worst found, what was fitted, and"
     " the bounds of theory, if any. A dash: there is no such number."
 )
-FLEET_NOTE = " A bound of the fleet is one on the mean error of its vehicles."
+FLEET_NOTE = " A bound of the fleet is one on the norm of the errors of all vehicles together."
 PRINTED_NOTE = " Lyapunov's bound as printed is false in general."
 HEAT_NOTE = (
     "One scale of colours for all maps. Point at a tile, touch it, or go to it with Tab and"
@@ -128,9 +132,16 @@ def lead_sentence(results: Results) -> str:
     cells = count(len(results.study.cells), "cell")
     if not results.has_run:
         return f"{cells}; no run of the study is here."
-    lanes = results.manifest["lanes"]
+    lanes, rows = results.manifest["lanes"], known_or({}, lambda: setting_rows(results.study))
     many = count(lanes["total"], "lane")
-    return f"{cells}, {many}: {lanes['ok']:,} ok, {lanes['failed']:,} failed."
+    told = f"{cells}, {many}: {lanes['ok']:,} ok, {lanes['failed']:,} failed."
+    if rows:
+        told += f" Vehicles: {escape(rows['vehicles'])}. Time: {escape(rows['time'])}."
+    if "attacked signals" in rows:
+        kinds = (cell.scenario.attack for cell in results.study.cells if attacks(cell.scenario))
+        attack = alternatives([*dict.fromkeys(each.label or kind_name(each) for each in kinds)])
+        told += escape(f" Attack: {attack}, on {rows['attacked signals']}.")
+    return f"{told}<br><small>{WORDS}</small>"
 
 
 def left_out_section(results: Results) -> Section | None:

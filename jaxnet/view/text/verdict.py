@@ -28,7 +28,8 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
     """Claims of theory about a cell: proofs under an attack, and what may go wrong."""
     scenario, defence = case.scenario, case.scenario.defence
     graph, attacked, trusted = attacked_at_once(scenario)
-    drops, surely = defence.may_drop(graph, trusted).links, dropping_all(scenario).any()
+    drops, surely = defence.may_drop(graph, trusted), dropping_all(scenario).any()
+    dropped = drops.links[np.asarray(drops.number) > 0].any()
     agreed = "agreement" in found and found["agreement"].proved
     for name in (name for name, line in lines.items() if UNSTABLE in line):
         yield 0, f"WARNING: unstable, deviations grow (line `{name}`)"
@@ -48,10 +49,13 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         hears = "hears" if scenario.attack.targets() else "may hear"
         yield OF_LIARS, f"A vehicle {hears} more attackers than its defence bears"
     if scenario.attack.present and "honest paths" in found and found["honest paths"].cut_off:
-        yield 4, "No honest path leads from the navigator to some vehicle"
+        far = ranges(found["honest paths"].cut_off)
+        whom = f"vehicle{'' if far.isdigit() else 's'} {far}"
+        drawn = "" if scenario.attack.targets() else ", in some lanes"
+        yield 4, f"No honest path leads from the navigator to {whom}{drawn}"
     if scenario.leaderless and surely:
         yield 5, "A vehicle drops all sources (F too great), and stays where it starts"
-    elif scenario.leaderless and not agreed and drops.any():
+    elif scenario.leaderless and not agreed and dropped:
         yield 5, "Vehicles drop sources, so the fleet may break apart"
     if "cut off" in found:
         then = "its lane fails" if scenario.law.couples() and not defence.coasts() else "coasts"
