@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from experiments.exactness import tracking_errors
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.figure1 import Figure1
 from jaxnet.kinds.graphs.path import Path
-from jaxnet.theory.solution import tracking_errors
 from tests import reference
 from tests.matrices import matrix_of
 
