@@ -27,12 +27,7 @@ from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import DERIVED, Folder, FolderError, TakenError
 from jaxnet.store.layout import Shard
-from jaxnet.store.manifest import (
-    changed_settings,
-    digest,
-    manifest_entries,
-    samples_of_cells,
-)
+from jaxnet.store.manifest import changed_settings, digest, manifest_entries, samples_of_cells
 from jaxnet.store.tables import csv_text
 
 ReportTally = Callable[[Tally], None]

@@ -10,11 +10,7 @@ from tests import systems
 from tests.engine.test_orders import subsequence
 
 H = 0.1
-KEYS = {
-    **systems.AGENTS,
-    "gain": [1 / H],
-    "tick": H,
-}
+KEYS = {**systems.AGENTS, "gain": [1 / H], "tick": H}
 KEYS |= {"engine": "exact", "horizon": 5.0, "output_step": H, "tail": 0.0}
 RING = [[i, j % 6 + 1, 1.0 + i / 10] for i in range(1, 7) for j in (i, i + 1, i + 3)]
 
