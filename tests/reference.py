@@ -752,16 +752,10 @@ def companion(gain):
     return matrix
 
 
-@functools.cache
-def _flows(k0, k1, k2, *times):
-    """Flows of (E, E', E'') over these times, which lanes of the same gain share: (times, 3, 3)."""
-    return expm(companion((k0, k1, k2)) * np.asarray(times)[:, None, None])
-
-
 def nominal(navigator, gain, initial, times):
     """O1: positions (len(times), m, 2) without attack, by expm; `initial` is at t = 0."""
     error = np.asarray(initial, dtype=float) - np.asarray(navigator(0.0))[:3, None, :]
-    flows = _flows(*map(float, gain), *map(float, times))
+    flows = expm(companion(gain) * np.asarray(times)[:, None, None])
     paths = np.asarray(navigator(np.asarray(times)))[0].T
     return paths[:, None] + np.einsum("tl,lmx->tmx", flows[:, 0], error)
 
