@@ -1,4 +1,4 @@
-"""Vehicles of every order: engines against each other, and against plain programs of the fleet."""
+"""Vehicles of every order: static gains, gains that follow the order, stability as `check` says."""
 
 import numpy as np
 import pytest
