@@ -1,20 +1,28 @@
-"""Distance of simulated lanes from the exact solution with the same kept sets."""
+"""Distance of simulated lanes from the exact solution with the same kept sets (theorems.md O1, O2).
 
-from collections.abc import Sequence
+`E_i = y_i - y_0` obeys `E‴ + k2 Ë + k1 Ė + k0 E = 0` around `G = L⁻¹ d`, so from t to t + h
+
+    E(t + h) = G(t + h) + expm(A_c h) (E(t) - G(t)).
+"""
+
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import expm
 
 from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import SOLUTION, broken_premise
 from jaxnet.engine import batch
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
-from jaxnet.model import signal
+from jaxnet.model import graph, signal
+from jaxnet.model.axis import companion
 from jaxnet.model.hearing import Hearing
-from jaxnet.theory import solution
+
+ErrorJets = Float[np.ndarray, "r m 2"]
 
 
 def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
@@ -69,6 +77,28 @@ def greatest_distance(
 
     by_slot = jnp.asarray(np.moveaxis(series["kept"], 0, -1))
     kept = np.moveaxis(np.asarray(hearing.retained(by_slot[None])), -1, 0)
-    known = solution.tracking_errors(start, corruption, kept, np.asarray(lane.gain), interval)
+    known = tracking_errors(start, corruption, kept, np.asarray(lane.gain), interval)
     ours = series["state"][:, :, :2] - navigator[0].T[:, None]
     return float(np.linalg.norm(ours - known, axis=2).max())
+
+
+def tracking_errors(
+    start: ErrorJets,
+    corruption: Callable[[float, Float[np.ndarray, "m sources"]], ErrorJets],
+    weights: Float[np.ndarray, "times m sources"],
+    gain: Float[np.ndarray, "r"],
+    interval: float,
+) -> Float[np.ndarray, "times m 2"]:
+    """Errors `E` [m] at times 0, interval, 2 interval …
+
+    `weights[n]` is in force from the n-th time to the next. `start` contains E and its derivatives
+    below the order r at time 0. `corruption(t, weights)` returns the jets of d.
+    """
+    step = expm(companion(gain) * interval)
+    error, path = start, [start[0]]
+    for n, in_force in enumerate(weights[:-1]):
+        inverse = np.linalg.inv(graph.laplacian(in_force))
+        now, then = (inverse @ corruption(t * interval, in_force)[: len(gain)] for t in (n, n + 1))
+        error = then + np.einsum("kl,lmx->kmx", step, error - now)
+        path.append(error[0])
+    return np.stack(path)

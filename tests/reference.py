@@ -4,7 +4,7 @@
 config. Within a tick every signal is its values at Chebyshev's nodes. A delay is whole ticks, so a
 late message is the values of an earlier tick. The law is one linear system a tick and axis.
 
-`propagate` and `march` are exact from tick to tick where all messages arrive. With E = y - y_0 and
+`march` is exact from tick to tick where all messages arrive. With E = y - y_0 and
 weights held over an interval of length h,
 
     E(t + h) = G(t + h) + expm(A_c h) (E(t) - G(t)),    G^(k) = L_res^{-1} d^(k),
@@ -683,46 +683,7 @@ def compared(keys):
     return apart[: fleet.fails_at], outcome.status[0], fleet
 
 
-def propagate(weights, navigator, attack, gain, initial, tick, ticks, trusted=None, theta=None):
-    """The closed loop tick by tick (theorems.md O2), with or without trimming.
-
-    Decisions are taken at ticks 0..ticks inclusive and held in between. `navigator(t)` gives (4, 2)
-    and `attack(t)` (4, m, m+1, 2); `initial` is (3, m, 2). `trusted` is None (no trimming) or a
-    list of m sets of source numbers, `theta` a list of m ints. Returns a dict of `positions`,
-    `velocities`, `accelerations` (ticks+1, m, 2), `kept` (ticks+1, m, m+1), the weights in force
-    after each decision, and `margin` (ticks+1,), the gap between the lowest dropped and the highest
-    kept untrusted score.
-    """
-    weights = np.asarray(weights, dtype=float)
-    m = len(weights)
-    kept, margin = np.empty((ticks + 1, m, m + 1)), np.full(ticks + 1, math.inf)
-    dropped = [set() for _ in range(m)]  # nothing was dropped before tick 0
-
-    def lies(t):
-        return np.asarray(attack(t))[:3]
-
-    def choose(n, error):
-        kept[n] = weights
-        if trusted is not None:
-            path = np.asarray(navigator(n * tick))[0]
-            heard_by = np.vstack([path, error[0] + path]) + lies(n * tick)[0]
-            for i in range(m):
-                rule = trusted[i], theta[i], dropped[i]
-                kept[n, i], dropped[i], gap = _trim(weights[i], heard_by[i], *rule)
-                margin[n] = min(margin[n], gap)
-        return np.stack([kept[n]] * 2), lies
-
-    paths = np.asarray([np.asarray(navigator(n * tick))[:3] for n in range(ticks + 1)])
-    start = np.asarray(initial, dtype=float) - paths[0][:, None]
-    error = march(choose, np.ones((m, m + 1), bool), gain, start, tick, ticks)
-    choose(ticks, error[-1])
-    states = error + paths[:, :, None]
-    orders = "positions", "velocities", "accelerations"
-    named = dict(zip(orders, states.swapaxes(0, 1), strict=True))
-    return named | {"kept": kept, "margin": margin}
-
-
-def _trim(row, received, trusted, theta, dropped_before):
+def trim(row, received, trusted, theta, dropped_before):
     """One vehicle's decision: (weights in force, set of dropped sources, margin).
 
     `row` (m+1,) are its weights, `received` (m+1, 2) the positions that it hears.
@@ -791,16 +752,10 @@ def companion(gain):
     return matrix
 
 
-@functools.cache
-def _flows(k0, k1, k2, *times):
-    """Flows of (E, E', E'') over these times, which lanes of the same gain share: (times, 3, 3)."""
-    return expm(companion((k0, k1, k2)) * np.asarray(times)[:, None, None])
-
-
 def nominal(navigator, gain, initial, times):
     """O1: positions (len(times), m, 2) without attack, by expm; `initial` is at t = 0."""
     error = np.asarray(initial, dtype=float) - np.asarray(navigator(0.0))[:3, None, :]
-    flows = _flows(*map(float, gain), *map(float, times))
+    flows = expm(companion(gain) * np.asarray(times)[:, None, None])
     paths = np.asarray(navigator(np.asarray(times)))[0].T
     return paths[:, None] + np.einsum("tl,lmx->tmx", flows[:, 0], error)
 
@@ -835,17 +790,3 @@ def attack_on_links(one, number):
         return received
 
     return at
-
-
-def exact(one, number, interval, intervals, **trimming):
-    lane = systems.lane(one, number)
-    return propagate(
-        lane.weights,
-        navigator_at(one, number),
-        attack_on_links(one, number),
-        lane.gain,
-        flat_jets(lane.initial.T),
-        interval,
-        intervals,
-        **trimming,
-    )

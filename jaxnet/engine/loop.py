@@ -26,14 +26,7 @@ from jaxnet.engine.queue import Places, Work, work_off
 from jaxnet.engine.stages import coasting, stopping
 from jaxnet.engine.stages.coasting import Rests, Stops
 from jaxnet.engine.stages.stopping import Rest
-from jaxnet.engine.status import (
-    Code,
-    Isolation,
-    Status,
-    fail,
-    nobody_isolated,
-    within_bounds,
-)
+from jaxnet.engine.status import Code, Isolation, Status, fail, nobody_isolated, within_bounds
 from jaxnet.engine.subset import run_if, select
 from jaxnet.engine.tick import DecisionState, Drive
 from jaxnet.engine.told import as_told, told_errors

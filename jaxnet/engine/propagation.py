@@ -269,11 +269,7 @@ class Propagation(Motion[PropagationState]):
         return standstill.stands(pace, back, now, self.clock.interval, some.longest)[0]
 
     def rested(
-        self,
-        before: PropagationState,
-        now: PropagationState,
-        decided: DecisionState,
-        ok: LaneFlags,
+        self, before: PropagationState, now: PropagationState, decided: DecisionState, ok: LaneFlags
     ) -> Rest:
         """Vehicles that have come to rest until now, in lanes that are ok."""
         lane, interval, vehicle = self.lane, self.clock.interval, self.lane.vehicle

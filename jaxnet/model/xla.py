@@ -68,8 +68,7 @@ def rows_set(flags: jax.Array) -> jax.Array:
     """For each lane, the last axis, how many of its flags are set."""
     rows = flags.reshape(-1, flags.shape[-1])
     return on_cpus(
-        lambda: row_by_row(jnp.add, rows, jnp.zeros(rows.shape[-1:], int)),
-        lambda: rows.sum(axis=0),
+        lambda: row_by_row(jnp.add, rows, jnp.zeros(rows.shape[-1:], int)), lambda: rows.sum(axis=0)
     )
 
 

@@ -108,15 +108,7 @@ def in_space(wanted: SpaceVectors, worst: Violated) -> SpaceVectors:
     everywhere, going = jnp.ones(excess.shape, bool), excess > NEAR_ENOUGH
     free = jnp.broadcast_to(jnp.eye(n)[..., None], nothing.shape)
     start = Search(
-        wanted,
-        nothing,
-        free,
-        zero,
-        jnp.zeros_like(excess),
-        normal,
-        excess,
-        going,
-        everywhere,
+        wanted, nothing, free, zero, jnp.zeros_like(excess), normal, excess, going, everywhere
     )
 
     def under_way(carry: tuple[Search, Any]) -> Any:

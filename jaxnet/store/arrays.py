@@ -23,13 +23,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import sources_of
 from jaxnet.lazy import LazyModule
 from jaxnet.store import gate
-from jaxnet.store.layout import (
-    DIMENSIONS,
-    CellLabel,
-    Variable,
-    cell_variables,
-    coordinates,
-)
+from jaxnet.store.layout import DIMENSIONS, CellLabel, Variable, cell_variables, coordinates
 
 if TYPE_CHECKING:
     import xarray

@@ -1,24 +1,17 @@
-"""Exact solution of the closed loop for known kept sets (theorems.md O1 and O2).
+"""How fast errors decay without attack: the constants of the paper's Lemma 1."""
 
-`E_i = y_i - y_0` obeys `E‴ + k2 Ë + k1 Ė + k0 E = 0` around `G = L⁻¹ d`, so from t to t + h
-
-    E(t + h) = G(t + h) + expm(A_c h) (E(t) - G(t)).
-"""
-
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov
 
-from jaxnet.model import graph, safety
+from jaxnet.model import safety
 from jaxnet.model.axis import PlaneGains, companion
 from jaxnet.theory import response
 from jaxnet.theory.case import Case
 
 Weight = Float[np.ndarray, "r r"]
-ErrorJets = Float[np.ndarray, "r m 2"]
 
 
 def lyapunov_matrix(gain: PlaneGains, Q: Weight | None = None) -> Weight:
@@ -35,28 +28,6 @@ def decay_constants(gain: PlaneGains) -> tuple[float, float]:
     """
     axes = np.linalg.eigvalsh(lyapunov_matrix(gain))
     return float(np.sqrt(axes[-1] / axes[0])), float(0.5 / axes[-1])
-
-
-def tracking_errors(
-    start: ErrorJets,
-    corruption: Callable[[float, Float[np.ndarray, "m sources"]], ErrorJets],
-    weights: Float[np.ndarray, "times m sources"],
-    gain: Float[np.ndarray, "r"],
-    interval: float,
-) -> Float[np.ndarray, "times m 2"]:
-    """Errors `E` [m] at times 0, interval, 2 interval …
-
-    `weights[n]` is in force from the n-th time to the next. `start` contains E and its derivatives
-    below the order r at time 0. `corruption(t, weights)` returns the jets of d.
-    """
-    step = expm(companion(gain) * interval)
-    error, path = start, [start[0]]
-    for n, in_force in enumerate(weights[:-1]):
-        inverse = np.linalg.inv(graph.laplacian(in_force))
-        now, then = (inverse @ corruption(t * interval, in_force)[: len(gain)] for t in (n, n + 1))
-        error = then + np.einsum("kl,lmx->kmx", step, error - now)
-        path.append(error[0])
-    return np.stack(path)
 
 
 class Decay(NamedTuple):

@@ -56,10 +56,6 @@ OF_LIES += ("one identity", "by law")
 OF_SEPARATION = ("flat", "filtered", "true places")
 
 
-def kept_distance(case: Case) -> float | None:
-    return case.scenario.filter.keeps(case.scenario)
-
-
 START = Theorem("O1", "start", AT_LAST, start_decay)
 
 THEOREMS = (
@@ -89,7 +85,7 @@ THEOREMS = (
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
     Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
-    Theorem("O18", "apart", OF_SEPARATION, kept_distance),
+    Theorem("O18", "apart", OF_SEPARATION, lambda case: case.scenario.filter.keeps(case.scenario)),
     START,
     Theorem("O1", "start drive", ("leader", "solved", "flat", "one gain"), start_drive),
     Theorem("O1", "keeps moving", WITHIN, keeps_moving),

@@ -96,8 +96,7 @@ NETWORKS = {
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["exact", *[pytest.param(each, marks=pytest.mark.long) for each in [*NETWORKS][1:]]],
+    "name", ["exact", *[pytest.param(each, marks=pytest.mark.long) for each in [*NETWORKS][1:]]]
 )
 def test_a_cut_link_leaves_the_network_without_it(name):
     """The bias is seen at 0 s. The strength of local rows changes, too."""

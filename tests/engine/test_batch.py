@@ -41,12 +41,7 @@ def test_a_failed_lane_is_named_and_spoils_no_other(engine):
 def test_the_step_limit_is_a_limit(solver):
     """Also where one step ends one interval; the step to the horizon may be the last allowed."""
     easy = {"solver": solver, "rtol": 1e-3, "atol": 1e-3}
-    keys = {
-        **systems.QUIET,
-        "initial": {"speed": 20.0},
-        "horizon": 20.0,
-        "tail": 1.0,
-    }
+    keys = {**systems.QUIET, "initial": {"speed": 20.0}, "horizon": 20.0, "tail": 1.0}
     needed = int(systems.outcome(1, (), engine=easy, **keys).steps[0])
     assert needed > 2
     for limit, status in (

@@ -45,10 +45,7 @@ def test_between_ticks_the_error_is_of_the_order_of_the_tick():
 
 @pytest.mark.parametrize(
     ("score", "lost"),
-    [
-        ({"score": "feedback"}, True),
-        ({"score": "feedback", "filter": 1.0}, False),
-    ],
+    [({"score": "feedback"}, True), ({"score": "feedback", "filter": 1.0}, False)],
 )
 def test_what_passes_through_zero_is_retained_unless_filtered(score, lost):
     """A circle of P(a) through the origin at 16 rad/s, on the ring."""

@@ -20,10 +20,7 @@ PAIR = {
     "tick": 0.1,
 }
 TRUST = {"kind": "trusted_trim", "theta": {1: 1, 2: 1}, "trusted": {1: [2], 2: [1]}}
-SCORES = {
-    "feedback": {"score": "feedback", "filter": 1.0},
-    "announced": {"score": "announced"},
-}
+SCORES = {"feedback": {"score": "feedback", "filter": 1.0}, "announced": {"score": "announced"}}
 
 
 def unrecovered(study, samples):

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from experiments.exactness import deviations, lanes_at_ticks
 from tests import reference, systems
-from tests.reference import exact, navigator_at
+from tests.reference import navigator_at
 
 RANDOM_GRAPH = {
     "kind": "edges",
@@ -14,23 +15,20 @@ RANDOM_GRAPH = {
         for j in {0, i % 12 + 1, (5 * i) % 13} - {i}
     ],
 }
-DIRECTION = {"uniform": [0, 6.28]}
-UNTRIMMED = [
-    {
-        "attack": {"kind": "bias", "magnitude": 4.0, "direction": DIRECTION},
-        "gain": [6, 11, 6],
-        "sweep": {"topology": ["star", "cyclic"]},
-    },
-    {
-        "attack": {"kind": "sinusoid", "magnitude": 4.0, "direction": DIRECTION},
-        "gain": [1, 3, 3],
-        "sweep": {"topology": ["path", RANDOM_GRAPH]},
-    },
-    {
-        "attack": {"kind": "rotating", "magnitude": 4.0},
-        "sweep": {"topology": [RANDOM_GRAPH], "gain": [[1, 3, 3], [6, 11, 6]]},
-    },
-]
+DRAWN = {
+    "kind": "edges",
+    "edges": [[i, j, {"uniform": [w / 4, 4 * w]}] for i, j, w in RANDOM_GRAPH["edges"]],
+}
+GAIN = [{"uniform": [0.5, 1.5]}, {"uniform": [2.5, 3.5]}, {"choice": [2.5, 3, 3.5]}]
+CONSTANT = {"kind": "bias", "magnitude": 4.0, "direction": {"uniform": [0, 6.28]}}
+ROTATING = {"kind": "rotating", "magnitude": 4.0}
+UNTRIMMED = {"defence": "none", "tick": 0.1, "attack": ROTATING}
+CASES = {  # samples, and keys of a study
+    "known": (1, UNTRIMMED | {"attack": CONSTANT, "sweep": {"topology": ["star", "path"]}}),
+    "given": (1, UNTRIMMED | {"topology": RANDOM_GRAPH, "gain": [6, 11, 6]}),
+    "drawn": (6, UNTRIMMED | {"topology": DRAWN, "gain": GAIN}),
+    "trimmed": (2, {"defence": "trusted_trim", "tick": 0.05, "attack": ROTATING}),
+}
 INSTANTS = np.arange(301) * 0.1
 
 
@@ -53,54 +51,25 @@ def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
 
 
 @pytest.mark.parametrize(
-    "keys",
-    [UNTRIMMED[-1], *[pytest.param(keys, marks=pytest.mark.long) for keys in UNTRIMMED[:-1]]],
+    ("engine", "accuracy"),
+    [("exact", 1e-10), pytest.param("nonlinear", 1e-5, marks=pytest.mark.long)],
 )
-def test_attacked_without_trimming(keys):
-    """O2: star, path, cyclic and a weighted digraph, two gains, at every output time.
-
-    To 1e-5 m in the nonlinear engine, to rounding in the exact one.
-    """
-    accuracies = {"nonlinear": 1e-5, "exact": 1e-9}
-    of_engine = [
-        systems.lanes(systems.study(engine=each, defence="none", **keys), 1) for each in accuracies
-    ]
-    outcomes = [systems.simulate(one) for one in of_engine]
-    for number in range(of_engine[0].size):
-        known = exact(of_engine[0], number, 0.1, 300)["positions"]
-        for outcome, accuracy in zip(outcomes, accuracies.values(), strict=True):
-            assert outcome.status[number] == 0
-            assert np.abs(outcome.series["state"][number, :, :, :2] - known).max() <= accuracy
+@pytest.mark.parametrize("name", CASES)
+def test_attacked_lanes_move_as_the_exact_solution(name, engine, accuracy):
+    """O2 at every tick, with gains and weights of each lane, for what it retained."""
+    samples, keys = CASES[name]
+    for cell in systems.study(engine=engine, horizon=10.0, tail=1.0, **keys).cells:
+        lanes = lanes_at_ticks(cell.scenario, 0, range(samples))
+        assert deviations(lanes).max() <= accuracy
 
 
-TRIMMED = {"attack": {"kind": "rotating", "magnitude": 5.0}, "output_step": 0.05}
-
-
-@pytest.mark.parametrize(
-    ("engine", "accuracy", "knife_edge"),
-    [pytest.param("nonlinear", 1e-4, 1e-6, marks=pytest.mark.long), ("exact", 1e-9, 1e-9)],
-)
-def test_trimming_at_ticks_decides_and_moves_as_the_reference(engine, accuracy, knife_edge):
-    """The same decisions, and positions over 30 s for as long as they are the same.
-
-    The ring, with an output at each tick.
-    """
-    one = systems.lanes(systems.study(engine=engine, **TRIMMED), 2)
-    outcome = systems.simulate(one)
-    assert (outcome.status == 0).all()
-    defence = {"trusted": [{0}] * 12, "theta": [1] * 12}
-    for number in range(one.size):
-        lane = exact(one, number, 0.05, 600, **defence)
-        kept = outcome.series["kept"][number]
-        alike = (np.abs(kept - lane["kept"]) < 1e-12).all(axis=(1, 2))
-        # A decision may differ only where two scores were nearly tied.
-        first = len(alike) if alike.all() else int(np.argmin(alike))
-        assert first == len(alike) or lane["margin"][first] < knife_edge
-        assert first > 200, "the comparison must reach beyond the transient"
-        error = np.abs(outcome.series["state"][number, :first, :, :2] - lane["positions"][:first])
-        assert error.max() <= accuracy
-        changed = (kept[1:] > 0) != (kept[:-1] > 0)
-        assert outcome.switches[number] == changed.any(axis=2).sum() > 0
+def test_switches_are_counted_by_vehicle_and_tick():
+    """As the weights in force change, on the ring."""
+    attack = {"kind": "rotating", "magnitude": 5.0}
+    outcome = systems.outcome(2, engine="exact", attack=attack, output_step=0.05)
+    changed = np.diff(outcome.series["kept"] > 0, axis=1).any(axis=3)
+    assert outcome.switches.tolist() == changed.sum(axis=(1, 2)).tolist()
+    assert outcome.switches.min() > 0
 
 
 def test_constant_in_phase_attack_has_the_static_gains():
@@ -143,23 +112,3 @@ def test_both_engines_measure_the_same():
         np.testing.assert_allclose(ours[name], theirs[name], atol=1e-5, rtol=0)
     np.testing.assert_allclose(ours["min_speed"], theirs["min_speed"], atol=1e-3)
     np.testing.assert_allclose(ours["peak_turn_rate"], theirs["peak_turn_rate"], rtol=1e-2)
-
-
-GAIN = [{"uniform": [0.5, 1.5]}, {"uniform": [2.5, 3.5]}, {"choice": [2.5, 3, 3.5]}]
-
-
-def test_drawn_gains_and_edges_are_each_lane_s_own():
-    """O2 with gains and a weighted digraph drawn lane by lane, to 1e-9 m."""
-    edges = [
-        [i, j, {"uniform": [weight / 4, 4 * weight]}] for i, j, weight in RANDOM_GRAPH["edges"]
-    ]
-    topology = {"kind": "edges", "edges": edges}
-    one = systems.lanes(
-        systems.study(engine="exact", defence="none", topology=topology, gain=GAIN), 6
-    )
-    outcome = systems.simulate(one)
-    assert (outcome.status == 0).all()
-    assert len({systems.lane(one, number).weights.tobytes() for number in range(6)}) == 6
-    for number, states in enumerate(outcome.series["state"]):
-        known = exact(one, number, 0.1, 300)["positions"]
-        assert np.abs(states[:, :, :2] - known).max() <= 1e-9

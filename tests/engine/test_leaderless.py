@@ -12,11 +12,7 @@ from tests import systems
 
 PUBLISHED = Path(__file__).parents[1] / "theory" / "published_robustness.json"
 GRAPHS = {each["name"]: each for each in json.loads(PUBLISHED.read_text())}
-KEYS = {
-    **systems.AGENTS,
-    "gain": [8.0],
-    "tick": 0.1,
-}
+KEYS = {**systems.AGENTS, "gain": [8.0], "tick": 0.1}
 KEYS |= {"engine": "exact", "output_step": 0.1, "metrics": ["spread", "outside"], "tail": 0.0}
 KEYS |= {"save": {"trajectories": "all"}}
 

@@ -7,14 +7,9 @@ from scipy.linalg import expm
 import jaxnet
 from jaxnet.view.text.check import check_text
 from tests import systems
-from tests.engine.test_orders import subsequence
 
 H = 0.1
-KEYS = {
-    **systems.AGENTS,
-    "gain": [1 / H],
-    "tick": H,
-}
+KEYS = {**systems.AGENTS, "gain": [1 / H], "tick": H}
 KEYS |= {"engine": "exact", "horizon": 5.0, "output_step": H, "tail": 0.0}
 RING = [[i, j % 6 + 1, 1.0 + i / 10] for i in range(1, 7) for j in (i, i + 1, i + 3)]
 
@@ -37,6 +32,18 @@ def test_vehicles_step_by_weights_that_count_themselves():
     for now in states:
         np.testing.assert_allclose(now, x, rtol=0, atol=1e-11)
         x = W @ x
+
+
+def subsequence(own, received):
+    """W-MSR with F = 1 on one axis: what it retains, and its mean; the own value of nothing."""
+    equal = 1e-12 * np.maximum(1, np.maximum(np.abs(received), abs(own)))  # as the engine compares
+    numbers = range(len(received))
+    above = [n for n in numbers if received[n] - own > equal[n]]
+    below = [n for n in numbers if own - received[n] > equal[n]]
+    dropped = {max(above, key=received.__getitem__, default=None)}
+    dropped |= {min(below, key=received.__getitem__, default=None)}
+    kept = [n for n in numbers if n not in dropped]
+    return kept, received[kept].mean() if kept else own
 
 
 AS_THEY_ARE = [[i, j, 0.1 * i] for i in range(1, 8) for j in range(1, 8) if i != j]
@@ -63,7 +70,7 @@ def test_w_msr_drops_the_farthest_on_each_side(counts_itself):
         for i in range(7):
             heard = [j for j in range(7) if j != i]
             for axis in range(2):
-                kept, _ = subsequence(x[i, axis], sent[heard, axis], np.ones(6), set(), 1)
+                kept, _ = subsequence(x[i, axis], sent[heard, axis])
                 dropped += 6 - len(kept)
                 apart = (x[i, axis] - sent[heard, axis])[list(kept)]
                 share = 1 / (1 + len(kept)) if counts_itself else 1.5 * H * 0.1 * (i + 1)

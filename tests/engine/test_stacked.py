@@ -132,8 +132,7 @@ def shaking(time, state, args):
 
 
 @pytest.mark.parametrize(
-    ("field", "result"),
-    [(wall, "dt_min_reached"), (shaking, "max_steps_reached")],
+    ("field", "result"), [(wall, "dt_min_reached"), (shaking, "max_steps_reached")]
 )
 def test_a_step_too_small_and_a_field_that_is_not_finite_are_told_apart(field, result):
     """The first is out of steps, the second stands before a wall; neither is stepped on."""

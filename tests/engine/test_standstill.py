@@ -17,13 +17,7 @@ from tests.reference import navigator_at
 
 LANES, TICK, HORIZON = 16, 0.1, 3.0
 PATH = {"kind": "lissajous", "amplitude": [100.0, 0.0], "frequency": [0.2, 0.2]}
-KEYS = {
-    "navigator": PATH,
-    "horizon": HORIZON,
-    "tail": 1.0,
-    "tick": TICK,
-    **systems.QUIET,
-}
+KEYS = {"navigator": PATH, "horizon": HORIZON, "tail": 1.0, "tick": TICK, **systems.QUIET}
 
 
 def on_a_line(engine, reach=75.0, **keys):

@@ -1,4 +1,4 @@
-"""The distance from the exact solution is one, and would show a simulation that is off."""
+"""The distance from the exact solution: what it would show, and what has no such solution."""
 
 import pytest
 
@@ -7,15 +7,11 @@ from tests import systems
 
 
 @pytest.mark.long
-def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
-    """With trimming under attack; a tolerance of 1e-3 is seen at once."""
-    keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1}
-    sound, coarse = (
-        lanes_at_ticks(systems.study(engine=engine, **keys).cells[0].scenario, 0, range(3))
-        for engine in ({}, {"rtol": 1e-3, "atol": 1e-3})
-    )
-    assert deviations(sound).max() < 1e-5
-    assert deviations(coarse).max() > 1e-4
+def test_a_coarse_simulation_is_seen_to_be_off():
+    """With trimming under attack, at a tolerance of 1e-3. Sound ones: tests/engine."""
+    keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1, "engine": {"rtol": 1e-3, "atol": 1e-3}}
+    (cell,) = systems.study(**keys).cells
+    assert deviations(lanes_at_ticks(cell.scenario, 0, range(3))).max() > 1e-4
 
 
 @pytest.mark.parametrize(
@@ -33,12 +29,3 @@ def test_what_has_no_such_solution(keys, why):
     """It is refused, not compared with something else."""
     with pytest.raises(ValueError, match=why):
         lanes_at_ticks(systems.study(**keys).cells[0].scenario, 0, [0])
-
-
-@pytest.mark.long
-def test_drawn_numbers_are_each_lane_s_own():
-    """The nonlinear engine's gains and weights, drawn lane by lane, are those of the solution."""
-    keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1, "gain": [{"uniform": [0.5, 1.5]}, 3, 3]}
-    topology = {"navigator_weight": {"uniform": [0.1, 0.4]}}
-    (cell,) = systems.study(topology=topology, **keys).cells
-    assert deviations(lanes_at_ticks(cell.scenario, 0, range(3))).max() < 1e-5

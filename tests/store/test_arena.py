@@ -32,9 +32,7 @@ BASE = {
 }
 DRAWN = {"uniform": [0.5, 4.0]}
 CIRCLE = {"kind": "circle", "radius": 0.4, "turn_rate": 0.3, "phase": DRAWN}
-LEADER = {
-    "navigator": {"kind": "lissajous", "amplitude": [0.8, 0.4], "frequency": [0.3, 0.6]},
-}
+LEADER = {"navigator": {"kind": "lissajous", "amplitude": [0.8, 0.4], "frequency": [0.3, 0.6]}}
 SPARED = {"trusted": {1: [2], 4: [5, 6]}}
 
 

@@ -34,10 +34,7 @@ class Nonlinear(Engine):
     )
     atol: Positive = Field(default=1e-9, description="absolute, of a step")
     max_steps: int = Field(
-        default=100_000,
-        ge=1,
-        le=10**15,
-        description="most steps of a lane, refused ones included",
+        default=100_000, ge=1, le=10**15, description="most steps of a lane, refused ones included"
     )
 
     def presumes(self, scenario):

@@ -15,13 +15,7 @@ from jaxtyping import Array
 
 from jaxnet.engine.moment import Instants, LaneFlags, LinkFlags, Moment, PerAxis, PerLink, tell
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.stages.known import (
-    Drives,
-    KnownDrive,
-    LinkDrives,
-    LongerDrives,
-    plus_messages,
-)
+from jaxnet.engine.stages.known import Drives, KnownDrive, LinkDrives, LongerDrives, plus_messages
 from jaxnet.engine.stages.late import Late, OnTime, late_degrees
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.stages.sensing import Sensed
@@ -79,12 +73,7 @@ class Reception(eqx.Module):
         return Arrivals(None, None)
 
     def next(
-        self,
-        now: Moment,
-        late: OnTime,
-        spoke: Speakers,
-        speaking: Speakers,
-        came: Arrivals,
+        self, now: Moment, late: OnTime, spoke: Speakers, speaking: Speakers, came: Arrivals
     ) -> "Reception":
         """Messages of a tick that `came`, with the substitutes that act from then on.
 

@@ -359,8 +359,7 @@ class Attack(AnyAttack):
         "derivative is the signal in m/s^r",
     )
     orders: Annotated[list[Literal[0, 1, 2, 3]], Len(1)] = setting(
-        [*ORDERS],
-        "derivatives that carry the signal, 0 is the position; the others are true",
+        [*ORDERS], "derivatives that carry the signal, 0 is the position; the others are true"
     )
     listeners: Literal["same", "each"] = setting(
         "same", "same: an attacked vehicle sends the same signal to all; each: another one to each"

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Int
 from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative, OneNumber, OneOf, Record, setting
@@ -29,6 +30,8 @@ from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
 from jaxnet.model.retained import DropPolicy, any_untrusted, everybody
 from jaxnet.model.safety import Safe, Vehicles
+
+Theta = Annotated[int, Field(ge=0, le=10_000)]
 
 
 class Neighbourhood(NamedTuple):
@@ -406,8 +409,33 @@ class Sparing(Defence):
         return self.spares((around.weights > 0) & around.trusted[:, :, None])
 
 
-def by_listener(value: int | dict[int, int], vehicles: int) -> np.ndarray:
-    """A number for each vehicle, (m,), from one or {vehicle: number}; 0 for other vehicles."""
-    if not isinstance(value, dict):
-        return np.full(vehicles, value, dtype=np.int64)
-    return np.array([value.get(vehicle, 0) for vehicle in range(1, vehicles + 1)], dtype=np.int64)
+class ExpectsF(Sparing):
+    """A rule for up to F attacked sources of any vehicle."""
+
+    F: int = setting(
+        1, "greatest number of attacked sources that a vehicle expects", ge=0, le=10_000
+    )
+
+    def outnumbered(self, graph, attacked, trusted):
+        return (attacked & ~self.spares(trusted)).sum(axis=1) > self.F
+
+
+class BearsTheta(Defence):
+    """A rule for up to ϑ attacked sources of a vehicle."""
+
+    untraced = frozenset({"label", "theta", "trusted"})
+
+    theta: Annotated[Theta | dict[int, Theta], OneOf()] = setting(
+        1, "ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named"
+    )
+
+    def thetas(self, graph: Digraph) -> Int[np.ndarray, " m"]:
+        """ϑ of each vehicle."""
+        if not isinstance(self.theta, dict):
+            return np.full(graph.vehicles, self.theta, dtype=np.int64)
+        return np.array([self.theta.get(i, 0) for i in range(1, graph.vehicles + 1)], np.int64)
+
+    def faults(self, scenario):
+        yield from super().faults(scenario)
+        listed = self.theta if isinstance(self.theta, dict) else {}
+        yield from unknown_vehicles("defence.theta", [*listed], scenario.vehicles, first=1)

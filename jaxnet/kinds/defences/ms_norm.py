@@ -1,12 +1,11 @@
-from jaxnet.kinds.defences import Sparing
-from jaxnet.kinds.fields import setting
+from jaxnet.kinds.defences import ExpectsF
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 from jaxnet.model.retained import any_untrusted
 from jaxnet.model.wording import count
 
 
-class MSNorm(Sparing):
+class MSNorm(ExpectsF):
     """Drop the F sources that are farthest from the vehicle's own position, but no trusted source.
 
     This is the rule of W-MSR with distances in the plane in place of numbers on a line.
@@ -16,10 +15,6 @@ class MSNorm(Sparing):
     guarantee = (
         "none where anybody untrusted is retained, whose derivatives are believed unchecked; by "
         "trust where at most F untrusted sources are heard, who are all dropped"
-    )
-
-    F: int = setting(
-        1, "greatest number of attacked sources that a vehicle expects", ge=0, le=10_000
     )
 
     def decide(self, own, received, last, memory, around):
@@ -35,9 +30,6 @@ class MSNorm(Sparing):
 
     def retained(self, graph, trusted):
         return any_untrusted(graph, self.spares(trusted), self.F)
-
-    def outnumbered(self, graph, attacked, trusted):
-        return (attacked & ~self.spares(trusted)).sum(axis=1) > self.F
 
     def describe(self, graph, attacked, trusted):
         many = count(self.F, "source")

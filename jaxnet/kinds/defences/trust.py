@@ -96,8 +96,7 @@ class Trust(Sparing):
     )
     wait: NotNegative = setting(0.0, "[s], time until which nobody moves", title="time to wait")
     anchor: Anchoring | None = setting(
-        None,
-        "the share λ = c e^(-γ t) by which vehicles are held to their starts after the wait",
+        None, "the share λ = c e^(-γ t) by which vehicles are held to their starts after the wait"
     )
 
     off_at_zero = Sparing.off_at_zero | {"wait"}

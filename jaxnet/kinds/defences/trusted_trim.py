@@ -1,15 +1,14 @@
 """Trimming by trusted redundancy, the paper's defence (section 5.1)."""
 
 from functools import reduce
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
-from pydantic import Field
 
-from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
-from jaxnet.kinds.fields import NotNegative, OneOf, Positive, setting, value_range
-from jaxnet.kinds.kind import unknown_vehicles, vehicle_numbers
+from jaxnet.kinds.defences import BearsTheta, Neighbourhood, Sparing
+from jaxnet.kinds.fields import NotNegative, Positive, setting, value_range
+from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.shapes import (
     AnyCounts,
     AnyMask,
@@ -35,10 +34,7 @@ else:
     trimming = LazyModule("jaxnet.model.trimming")
     control = LazyModule("jaxnet.model.control")
 
-
 Score = Literal["position", "jets", "feedback", "announced"]
-Theta = Annotated[int, Field(ge=0, le=10_000)]
-
 
 # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
 OF_ROUNDING = 1e-9
@@ -76,7 +72,7 @@ class Recollection(NamedTuple):
     announced: VehicleVectors | None  # ρ, which it announces itself
 
 
-class TrustedTrim(Sparing):
+class TrustedTrim(BearsTheta, Sparing):
     """Drop the ϑ_i untrusted neighbours that are farthest, on average, from the trusted ones.
 
     `score` chooses the distance: of positions, as in the paper, of positions, velocities and
@@ -93,11 +89,7 @@ class TrustedTrim(Sparing):
 
     words = "trusted trimming"
     guarantee = "none: attacks are known that pass the score of positions, of jets and of feedback"
-    untraced = frozenset({"label", "theta", "trusted"})
 
-    theta: Annotated[Theta | dict[int, Theta], OneOf()] = setting(
-        1, "ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named"
-    )
     tolerance: NotNegative = setting(
         OF_ROUNDING,
         "[m], added to the score of a source that was dropped at the last tick (numerics.md O8)",
@@ -145,7 +137,7 @@ class TrustedTrim(Sparing):
         slots = hearing.by_slot(graph, trusted, sources)
         most = max(1, int(slots.sum(axis=0).max()))
         references = np.argsort(~slots, axis=0, kind="stable")[:most]
-        return Trimming(by_listener(self.theta, graph.vehicles), references)
+        return Trimming(self.thetas(graph), references)
 
     def start(self, around):
         xp, lanes = around.weights.__array_namespace__(), around.weights.shape[1:]
@@ -215,20 +207,19 @@ class TrustedTrim(Sparing):
 
     def retained(self, graph, trusted):
         """A trimming vehicle drops ϑ_i sources, or all unspared ones if it hears fewer."""
-        theta = by_listener(self.theta, graph.vehicles)
         links = graph.heard & ~self.spares(trusted) & self.protected(graph, trusted)[:, None]
-        return DropPolicy(graph, links, np.minimum(theta, links.sum(axis=1)))
+        return DropPolicy(graph, links, np.minimum(self.thetas(graph), links.sum(axis=1)))
 
     def asks(self):
         return "over ϑ sources" if self.announcing() else "2ϑ + 1 sources, of which ϑ are trusted"
 
     def protected(self, graph: Digraph, trusted: Links) -> Bool[np.ndarray, " m"]:
-        theta = by_listener(self.theta, graph.vehicles)
+        theta = self.thetas(graph)
         return self.trims(graph.heard.sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
 
     def starved(self, graph, trusted, share):
         """By the binomial distributions of the trusted and of the other messages that arrive."""
-        theta, trusts = by_listener(self.theta, graph.vehicles), trusted.sum(axis=1)
+        theta, trusts = self.thetas(graph), trusted.sum(axis=1)
         numbers = np.stack([theta, trusts, graph.heard.sum(axis=1) - trusts], axis=1)
         found = [0.0]
         for most, *sources in np.unique(numbers[self.protected(graph, trusted)], axis=0):
@@ -259,12 +250,12 @@ class TrustedTrim(Sparing):
 
     def outnumbered(self, graph, attacked, trusted):
         """With more attacked sources than ϑ, 0 if unprotected, or an attacked trusted one."""
-        protected, theta = self.protected(graph, trusted), by_listener(self.theta, graph.vehicles)
+        protected, theta = self.protected(graph, trusted), self.thetas(graph)
         more = attacked.sum(axis=1) > np.where(protected, theta, 0)
         return more | (attacked & trusted).any(axis=1)
 
     def describe(self, graph, attacked, trusted):
-        theta, meets = by_listener(self.theta, graph.vehicles), self.protected(graph, trusted)
+        theta, meets = self.thetas(graph), self.protected(graph, trusted)
         outnumbered = meets & self.outnumbered(graph, attacked, trusted)
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
         line = f"ϑ = {values}; the rule asks {self.asks()}"
@@ -280,8 +271,3 @@ class TrustedTrim(Sparing):
             broken.append(f"{where} hear{s} more than ϑ attacked sources, or trust{s} one")
         told = f"broken: {', and '.join(broken)}" if broken else "holds"
         return {"trimming": f"{line}; Assumption 2 {told}"}
-
-    def faults(self, scenario):
-        yield from super().faults(scenario)
-        listed = self.theta if isinstance(self.theta, dict) else {}
-        yield from unknown_vehicles("defence.theta", [*listed], scenario.vehicles, first=1)

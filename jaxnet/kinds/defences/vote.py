@@ -2,14 +2,13 @@
 
 import operator
 from collections.abc import Callable
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxnet.kinds.defences import Defence, by_listener
-from jaxnet.kinds.defences.trusted_trim import OF_ROUNDING, Theta
-from jaxnet.kinds.fields import OneOf, setting
-from jaxnet.kinds.kind import Fault, unknown_vehicles, vehicle_numbers
+from jaxnet.kinds.defences import BearsTheta
+from jaxnet.kinds.defences.trusted_trim import OF_ROUNDING
+from jaxnet.kinds.kind import Fault, vehicle_numbers
 from jaxnet.kinds.shapes import (
     AnyCounts,
     AnyMask,
@@ -39,7 +38,7 @@ class Order(NamedTuple):
     earlier: AnyMask  # slots whose source has an earlier place; all, for a vehicle without one
 
 
-class Vote(Defence):
+class Vote(BearsTheta):
     """Believe the trusted sources alone; without one, the ϑ + 1 sources nearest to the median.
 
     A vehicle that trusts no source compares R of the messages. It believes the ϑ + 1 nearest to
@@ -59,17 +58,12 @@ class Vote(Defence):
         "by vote, where vehicles follow earlier ones and at most ϑ links of a vote are attacked "
         "(theorem 7 of docs/guarantees.md), whatever liars announce"
     )
-    untraced = frozenset({"label", "theta", "trusted"})
-
-    theta: Annotated[Theta | dict[int, Theta], OneOf()] = setting(
-        1, "ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named"
-    )
 
     def hears_messages(self):
         return True
 
     def shared(self, graph, trusted, sources):
-        return by_listener(self.theta, graph.vehicles)
+        return self.thetas(graph)
 
     def start(self, around):
         """The slots of earlier sources."""
@@ -95,14 +89,14 @@ class Vote(Defence):
     def order(self, graph: Digraph, trusted: Links) -> Order:
         """The order of the vehicles of a graph, (m,), and the links from earlier ones."""
         heard, trusts = graph.heard.T[:, :, None], trusted.T[:, :, None]
-        theta = by_listener(self.theta, graph.vehicles)[:, None]
+        theta = self.thetas(graph)[:, None]
         found = order(graph.sources.T, heard, trusts, theta, while_loop)
         return Order(found.reached[:, 0], found.earlier[:, :, 0].T)
 
     def votes(self, graph: Digraph, trusted: Links) -> tuple[Links, AnyCounts]:
         """The links on which each vehicle votes, none if it does not, and the number it drops."""
         panel = graph.heard & self.order(graph, trusted).earlier
-        theta = by_listener(self.theta, graph.vehicles)
+        theta = self.thetas(graph)
         votes = (panel.sum(axis=1) > 2 * theta) & ~trusted.any(axis=1)
         panel = panel & votes[:, None]
         return panel, np.where(votes, panel.sum(axis=1) - theta - 1, 0)
@@ -117,7 +111,7 @@ class Vote(Defence):
     def safe(self, graph, attacked, trusted):
         """The default reasons, and "by vote" of theorem 7."""
         drops, place = self.retained(graph, trusted), self.order(graph, trusted).reached
-        bears = np.where(place, by_listener(self.theta, graph.vehicles), 0)
+        bears = np.where(place, self.thetas(graph), 0)
         inside = safety.greatest(drops, attacked, bears)
         most = self.depths(graph, trusted)[inside].max(initial=0)
         factor = (GROWTH**most - 1) / (GROWTH - 1)
@@ -136,7 +130,7 @@ class Vote(Defence):
 
     def describe(self, graph, attacked, trusted):
         panel, place = self.votes(graph, trusted)[0], self.order(graph, trusted).reached
-        theta, votes = by_listener(self.theta, graph.vehicles), panel.any(axis=1)
+        theta, votes = self.thetas(graph), panel.any(axis=1)
         trusts = trusted.any(axis=1)
         outnumbered = (attacked & panel).sum(axis=1) > theta
         outnumbered |= (attacked & trusted).any(axis=1)
@@ -155,8 +149,6 @@ class Vote(Defence):
 
     def faults(self, scenario):
         yield from super().faults(scenario)
-        listed = self.theta if isinstance(self.theta, dict) else {}
-        yield from unknown_vehicles("defence.theta", [*listed], scenario.vehicles, first=1)
         if scenario.own_gains is not None:
             yield Fault(("gain", "defence"), "sources are compared by R of one gain: give one gain")
         if scenario.attack.identities() > 1:

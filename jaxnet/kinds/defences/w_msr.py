@@ -1,11 +1,10 @@
-from jaxnet.kinds.defences import Sparing
-from jaxnet.kinds.fields import setting
+from jaxnet.kinds.defences import ExpectsF
 from jaxnet.kinds.shapes import AxisSlotMask
 from jaxnet.model import ties
 from jaxnet.model.retained import any_untrusted
 
 
-class WMSR(Sparing):
+class WMSR(ExpectsF):
     """Drop, axis by axis, the F values farthest above the vehicle's own, and the F farthest below.
 
     Trusted sources, among them the navigator, are spared. Source: LeBlanc, Zhang, Koutsoukos and
@@ -14,10 +13,6 @@ class WMSR(Sparing):
 
     words = "W-MSR"
     guarantee = "none is known with a navigator: W-MSR judges positions, derivatives drive too"
-
-    F: int = setting(
-        1, "greatest number of attacked sources that a vehicle expects", ge=0, le=10_000
-    )
 
     def decide(self, own, received, last, memory, around):
         """Drop a source if fewer than F sources are farther out on the same side.
@@ -45,9 +40,6 @@ class WMSR(Sparing):
 
     def tolerates(self):
         return self.F
-
-    def outnumbered(self, graph, attacked, trusted):
-        return (attacked & ~self.spares(trusted)).sum(axis=1) > self.F
 
     def describe(self, graph, attacked, trusted):
         most = int((attacked & ~self.spares(trusted)).sum(axis=1).max())

@@ -10,14 +10,7 @@ from jaxnet.kinds.losses import unheard_faults
 from jaxnet.kinds.observers import Observer
 from jaxnet.kinds.observers.truth import Truth
 from jaxnet.kinds.registry import KindOf
-from jaxnet.kinds.shapes import (
-    LaneNumbers,
-    LaneTimes,
-    Memory,
-    SlotMask,
-    SlotSources,
-    SlotVectors,
-)
+from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotSources, SlotVectors
 
 
 class JudgedWords(NamedTuple):

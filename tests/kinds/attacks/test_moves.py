@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxnet
-from tests.engine.test_orders import subsequence
+from tests.engine.test_self_weights import subsequence
 
 PATH = {"kind": "own_path", "centre": [3.0, -2.0], "swing": [25.0, 10.0]}
 PATH |= {"frequency": 1.3, "phase": 0.4}
@@ -61,7 +61,7 @@ def test_a_liar_drops_sources_by_its_own_place():
         for i in range(5):
             others = np.delete(x, i, axis=0)
             pairs = zip(x[i], others.T, strict=True)
-            axes = [subsequence(own, other, np.ones(4), set(), 1) for own, other in pairs]
+            axes = [subsequence(own, other) for own, other in pairs]
             kept.append([each for each, _ in axes])
             new[i] = x[i] - 0.2 * (x[i] - [mean for _, mean in axes])
         states = results.trajectories["states"].sel(cell=0, sample=0).values[time]

@@ -30,8 +30,7 @@ def states(starts, heard, liars, engine="exact", steps=80, **keys):
 
 
 @pytest.mark.parametrize(
-    "engine",
-    ["exact", pytest.param({"kind": "sampled", "move": "euler"}, marks=pytest.mark.long)],
+    "engine", ["exact", pytest.param({"kind": "sampled", "move": "euler"}, marks=pytest.mark.long)]
 )
 def test_published_example(engine):
     """After 1 and 5 steps and in the end (Ramos, Silvestre and Silvestre, arXiv 2107.00431)."""

@@ -51,7 +51,7 @@ class Situation:
         kept, dropped, gap = np.empty_like(self.weights), np.zeros_like(self.memory), math.inf
         for i in range(FLEET):
             trusted, before = (set(np.flatnonzero(mask[i])) for mask in (self.trusted, self.memory))
-            row, gone, margin = reference._trim(
+            row, gone, margin = reference.trim(
                 self.weights[i], self.received[i], trusted, self.theta[i], before
             )
             kept[i], gap = row, min(gap, margin)

@@ -124,8 +124,7 @@ def rate(one, order):
 
 
 @pytest.mark.parametrize(
-    ("seed", "order"),
-    [(0, 3), *(pytest.param(*each, marks=pytest.mark.long) for each in CASES)],
+    ("seed", "order"), [(0, 3), *(pytest.param(*each, marks=pytest.mark.long) for each in CASES)]
 )
 def test_a_fleet_moves_as_a_plain_program_and_stays_within_theorem_7(seed, order):
     """Positions to 1e-12 of their size; `‖R(E)‖ ≤ κ_d (Λ h + 1e-9)` from the d-th tick on."""

@@ -1,6 +1,5 @@
-"""Laws by link: a linear one is the local law; others against closed forms."""
+"""Laws by link: a linear one is the local law. Others: test_known_protocols.py."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -15,14 +14,6 @@ class Linear(LinkLaw):
     def demand(self, apart, links):
         each = zip(links.gain, apart, strict=True)
         return sum(gain[None, None] * (links.weights * jet).sum(axis=1) for gain, jet in each)
-
-
-class Root(LinkLaw):
-    """Agreement in finite time: `q_i = k0 Σ_j w_ij √|Δ_ij|`, with the sign of Δ_ij, by axis."""
-
-    def demand(self, apart, links):
-        pull = jnp.sign(apart[0]) * jnp.sqrt(abs(apart[0]))
-        return links.gain[0][None, None] * (links.weights * pull).sum(axis=1)
 
 
 def rows(law, **keys):
@@ -71,16 +62,6 @@ def test_a_linear_law_by_link_is_the_local_law(keys):
     ours, theirs = rows(Linear(), **keys), rows("local", **keys)
     for name in ("tail_mean", "peak_error", "spread", "tail_disagreement", "switches"):
         np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-10)
-
-
-def test_two_agents_meet_in_finite_time():
-    """`ḋ = -2 k0 √d` from d_0 = 1 m: they meet after √d_0 / k0 = 0.5 s: order 1 in the tick."""
-    keys = {"vehicles": 2, "topology": "complete", "attack": "none", "defence": "none"}
-    keys |= {"initial": {"position": [[0.0, 0.0], [1.0, 0.0]]}, "gain": [2.0], "horizon": 0.4}
-    keys |= {"tail": 0.0, "output_step": 0.4}
-    found = [rows(Root(), tick=tick, **keys)["spread"].iloc[0] - 0.04 for tick in (0.002, 0.001)]
-    assert abs(found[1]) < 2e-3
-    assert found[0] / found[1] == pytest.approx(2.0, rel=0.02)
 
 
 def test_nothing_is_proved_of_a_law_by_link():

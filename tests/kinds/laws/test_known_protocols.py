@@ -12,10 +12,7 @@ from tests import systems
 STARTS = [[-3.0, 1.0], [4.0, -2.0], [0.5, 6.0], [2.5, -5.0]]
 EDGES = [[1, 2, 1.0], [2, 1, 1.0], [2, 3, 0.5], [3, 2, 0.5], [3, 4, 2.0], [4, 3, 2.0]]
 
-TWO = {
-    "vehicles": 2,
-    "topology": {"kind": "edges", "edges": EDGES[:2], "normalised": False},
-}
+TWO = {"vehicles": 2, "topology": {"kind": "edges", "edges": EDGES[:2], "normalised": False}}
 
 
 def places(law, **keys):

@@ -1,56 +1,22 @@
-"""The least separation, and a metric from outside, against the stored trajectory."""
+"""The least separation against the stored trajectory."""
 
 import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.kinds.metrics import Metric
 from tests import systems
 
 KEYS = {"horizon": 4.0, "tail": 1.0, "defence": "none"}
 
 
-def force(seen):
-    """Absolute acceleration along the heading [m/s²]."""
-    return abs(seen.state[5])
-
-
-EFFORT = Metric("effort", "m/s²", force, "run", "mean", "mean")
-HARDEST = Metric("hardest", "m/s²", force, "run", "max", "min")
-EASIEST = Metric("easiest", "m/s²", force, "run", "min", "max")
-LATE_EFFORT = Metric("late_effort", "m/s²", force, "tail", "mean", "max")
-LATE_HARDEST = Metric("late_hardest", "m/s²", force, "tail", "max", "mean")
-LATE_EASIEST = Metric("late_easiest", "m/s²", force, "tail", "min", "min")
-OWN = ("EFFORT", "HARDEST", "EASIEST", "LATE_EFFORT", "LATE_HARDEST", "LATE_EASIEST")
-
-
-@pytest.fixture(scope="module")
-def measured():
-    metrics = ["min_separation", *(f"{__name__}:{name}" for name in OWN)]
-    one = systems.lanes(systems.study(engine="exact", metrics=metrics, **KEYS), 3)
-    return one, systems.simulate(one)
-
-
-def test_the_least_separation_is_that_of_the_trajectory(measured):
-    _, outcome = measured
+def test_the_least_separation_is_that_of_the_trajectory():
+    outcome = systems.outcome(3, engine="exact", metrics=["min_separation"], **KEYS)
     assert outcome.status.tolist() == [0] * 3
     for lane in range(3):
         positions = outcome.series["state"][lane, :, :, :2]
         apart = np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1)
         least = apart[:, *np.triu_indices(12, 1)].min()
         assert outcome.metrics["min_separation"][lane] == pytest.approx(least, rel=1e-9)
-
-
-@pytest.mark.parametrize("name", OWN)
-def test_a_metric_of_one_s_own_is_reduced_as_it_says(measured, name):
-    """First over the output times of the run or of the tail, then over the vehicles."""
-    (_, outcome), metric = measured, globals()[name]
-    for lane in range(3):
-        values = np.abs(outcome.series["state"][lane, :, :, 5])
-        values = values[-11:] if metric.over == "tail" else values
-        by_vehicle = getattr(np, metric.time)(values, axis=0)
-        known = getattr(np, metric.vehicles)(by_vehicle)
-        assert outcome.metrics[metric.name][lane] == pytest.approx(known, rel=1e-9, abs=1e-12)
 
 
 def test_one_vehicle_is_infinitely_far_from_the_next():

@@ -42,10 +42,7 @@ def decayed(lane, time):
 @pytest.mark.parametrize("engine", ["exact", pytest.param("nonlinear", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("keys", "over", "limit"),
-    [
-        ({"below": 0.1}, "mean", 0.1),
-        ({"fraction": 0.01, "of": "greatest"}, "max", None),
-    ],
+    [({"below": 0.1}, "mean", 0.1), ({"fraction": 0.01, "of": "greatest"}, "max", None)],
 )
 def test_without_attack_the_time_is_that_of_the_exact_decay(engine, keys, over, limit):
     study = systems.study(engine=engine, metrics=[asked(**keys)], **KEYS)

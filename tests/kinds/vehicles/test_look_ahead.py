@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import jaxnet
 from tests import systems
@@ -13,34 +12,6 @@ from tests.reference import Powers
 KEYS = {"vehicles": 1, "topology": "star", "attack": "none", "defence": "none"}
 KEYS |= {"horizon": 4.0, "tail": 1.0}
 KEYS |= {"vehicle": {"kind": "look_ahead", "ahead": 0.7}, "gain": [1.5]}
-
-
-def alone(samples, **keys):
-    """The navigator's jets, and states (lanes, times, n) of a vehicle behind it."""
-    study = systems.study(**KEYS | {"engine": "exact"} | keys)
-    outcome = systems.simulate(systems.lanes(study, samples))
-    assert (outcome.status == 0).all()
-    return study.config.navigator.jets, outcome.series["state"][:, :, 0]
-
-
-@pytest.mark.long  # short: the closed form below
-def test_the_heading_follows_a_plain_integration():
-    """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by Runge–Kutta here."""
-    path, data = alone(2, navigator=Powers(x=[3.0, 9.0, -4.0, 0.5], y=[0.0, -5.0, 3.0, 0.2]))
-
-    def rates(time, state):
-        heading = np.array([np.cos(state[2]), np.sin(state[2])])
-        left, navigator = np.array([-heading[1], heading[0]]), np.asarray(path(np.asarray(time)))
-        asked = navigator[1] - 1.5 * (state[:2] + 0.7 * heading - navigator[0])
-        return [*(heading @ asked) * heading, left @ asked / 0.7]
-
-    times = np.arange(41) * 0.1
-    for states in data:
-        known = solve_ivp(rates, (0, 4), states[0], "DOP853", times, rtol=1e-11, atol=1e-11)
-        apart = states - known.y.T
-        np.testing.assert_allclose(apart[:, :2], 0.0, atol=1e-7)
-        # headings are told in (-π, π]
-        np.testing.assert_allclose(np.sin(apart[:, 2] / 2), 0.0, atol=1e-7)
 
 
 def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
@@ -53,8 +24,10 @@ def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
     keys |= {"navigator": Powers(x=[0.0, speed], y=[0.0])}
     keys |= {"vehicle": {"kind": "look_ahead", "ahead": ahead}}
     places = [[[-ahead * math.cos(each), -ahead * math.sin(each)]] for each in headings]
-    _, states = alone(1, **keys, sweep={"initial.heading": headings, "initial.position": places})
-    states, times = states[::5].swapaxes(0, 1), np.arange(21) * 0.05
+    keys |= {"sweep": {"initial.heading": headings, "initial.position": places}}
+    outcome = systems.outcome(1, **KEYS | {"engine": "exact"} | keys)
+    assert (outcome.status == 0).all()
+    states, times = outcome.series["state"][::5, :, 0].swapaxes(0, 1), np.arange(21) * 0.05
     turned = 2 * np.arctan(np.tan(np.array(headings) / 2) * np.exp(-speed * times[:, None] / ahead))
     off = np.sin((states[..., 2] - turned) / 2)
     np.testing.assert_allclose(off[:, :3], 0.0, atol=1e-9)
