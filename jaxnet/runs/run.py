@@ -38,8 +38,10 @@ CHOSEN_STORE = "trajectories.zarr"
 
 def made_of_rows(folder: Folder) -> list[str]:
     """What is made of rows, but for figures of a sensitivity analysis, which simulates its own."""
-    figures = (f"figures/{each.name}" for each in folder.path.glob("figures/*"))
+    figures = [f"figures/{each.name}" for each in folder.path.glob("figures/*")]
     others = [name for name in figures if not name.startswith("figures/sensitivity")]
+    if others == figures:
+        return [*DERIVED]
     return [*(name for name in DERIVED if name != "figures"), *others]
 
 

@@ -18,6 +18,7 @@ from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kind
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.recovery import confidence_told, share_definition, share_name
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 NO_CELL = -1
@@ -92,7 +93,8 @@ def share_lost(results: Results) -> pd.DataFrame:
     """Share unrecovered, low and high; lanes that failed count as unrecovered."""
     cells: Any = results.cells
     found = cells.reindex(columns=SHARE_COLUMNS).astype(float)
-    attacked = np.isfinite([attack_size(cell) for cell in results.study.cells])
+    sizes = [known_or(1.0, lambda cell=cell: attack_size(cell)) for cell in results.study.cells]
+    attacked = np.isfinite(sizes)
     fell = (cells["failed"] > 0) & attacked & ("unrecovered" in cells)
     failed, ok = cells.loc[fell, ["failed", "ok"]].to_numpy().T
     lost = failed + np.rint(found.loc[fell, "unrecovered"].fillna(0.0) * ok).astype(int)

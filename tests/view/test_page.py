@@ -543,7 +543,7 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
     assert "No test of paired lanes finds a field better" in found
     found = told(tmp_path, [9.0, 9.0, 1e9, 9.0, 9.0, 9.0, 9.0, 9.0], **keys)
     assert "<br>error 1e+09, 9\xa0m<br>lost 100, 0\xa0%<br>worse than none in 1 of 2 cells" in found
-    assert "<li>Lost: an error over 1,000 times ā and the farthest start.</li>" in found
+    assert "<li>Lost: an error over 1,000\xa0times ā and the farthest start.</li>" in found
     found = told(tmp_path, FOUR, **DEFENCES)  # a single choice: magnitudes make the columns
     assert '<tr><th scope="col">defence</th><th scope="col">ā\xa0=\xa01\xa0m</th>' in found
     assert "<p>Error of the median lane. 12 lanes a cell:</p>" in found

@@ -15,7 +15,7 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.compared import named, swept_texts, wins
 from jaxnet.view.page.grid import choices
 from jaxnet.view.page.judged import (
-    LaneFlags,
+    JudgedFlags,
     fallen_words,
     falling_cells,
     judged_lanes,
@@ -27,7 +27,7 @@ from jaxnet.view.text.facts import attacked_at_once
 MOST_COMPARED = 20_000  # of two cells; a few seconds
 
 
-def best_sentence(results: Results, flags: LaneFlags) -> str:
+def best_sentence(results: Results, flags: JudgedFlags) -> str:
     """The combinations of swept choices that no other beats in any setting, with their numbers.
 
     Under attack lanes are compared by whether they hold (`fallen`, by cell), then by their errors.
@@ -88,7 +88,7 @@ def dropping_words(results: Results, cells: Sequence[int]) -> str:
     return f" A vehicle may drop all of its {alone}."
 
 
-def numbers_words(results: Results, cells: Sequence[int], flags: LaneFlags) -> str:
+def numbers_words(results: Results, cells: Sequence[int], flags: JudgedFlags) -> str:
     """How many lanes of each cell do not hold, and the greatest errors."""
     alone = is_leaderless(results.study.cells)
     lanes = [flags[cell]["fallen"] for cell in cells]

@@ -33,7 +33,7 @@ from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.compared import swept_texts, wins
 from jaxnet.view.page.elements import notes_html, paragraph, sentence_case
 from jaxnet.view.page.judged import (
-    LaneFlags,
+    JudgedFlags,
     criterion_text,
     fallen_words,
     falling_cells,
@@ -122,7 +122,7 @@ def layout(cells: Sequence[Cell]) -> GridLayout | None:
     return laid if len(fields) <= MOST_ROWS and len(laid.heads) <= MOST_COLUMNS else None
 
 
-def grid_html(results: Results, flags: LaneFlags) -> str:
+def grid_html(results: Results, flags: JudgedFlags) -> str:
     """The table with its notes as HTML, "" where it has no place; `flags` are of lanes, by cell."""
     laid = layout(results.study.cells)
     if laid is None:
@@ -148,7 +148,7 @@ def grid_html(results: Results, flags: LaneFlags) -> str:
 
 
 def fields_html(
-    results: Results, laid: GridLayout, flags: LaneFlags, against: Mapping[int, str]
+    results: Results, laid: GridLayout, flags: JudgedFlags, against: Mapping[int, str]
 ) -> dict[tuple[Combination, Combination], str]:
     """Each field: lanes that do not hold, why lanes failed, errors, and what is found `against`."""
     alone, failures = is_leaderless(results.study.cells), failed_kinds(results)
@@ -201,7 +201,7 @@ def numbers_text(values: pd.Series, text: Callable[[float], str], listed: bool) 
     return texts[0] if alike else (", " if listed else " to ").join(texts)
 
 
-def against_none(results: Results, key: str, flags: LaneFlags) -> dict[int, str]:
+def against_none(results: Results, key: str, flags: JudgedFlags) -> dict[int, str]:
     """What tests find of cells against those whose choice is none; "" of no difference.
 
     The first that differs counts: whether lanes hold, whether they are gone, their errors.
@@ -230,7 +230,7 @@ def found_words(found: Sequence[str]) -> str:
     return joined_names(told) or "no difference from none is found" * bool(found)
 
 
-def grid_words(results: Results, laid: GridLayout, flags: LaneFlags, tests: str) -> list[str]:
+def grid_words(results: Results, laid: GridLayout, flags: JudgedFlags, tests: str) -> list[str]:
     """What a field tells: a caption, then notes on its lines."""
     cells = [cell for row in laid.fields.values() for some in row.values() for cell in some]
     lost, sizes = np.array([[flags[n]["fallen"].sum(), len(flags[n])] for n in cells]).T

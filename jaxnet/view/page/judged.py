@@ -55,7 +55,7 @@ class ComparedBy(NamedTuple):
         return percent_text(value) if self.unit == "%" else error_text(value)
 
 
-LaneFlags = Mapping[int, Any]  # frames of fallen, lost, failed lanes by sample, by cell
+JudgedFlags = Mapping[int, Any]  # frames of fallen, lost, failed lanes by sample, by cell
 
 
 class CellErrors(NamedTuple):

@@ -66,9 +66,9 @@ VEHICLE_WORDS = {
     "greatest": "greatest [m]",
     "unrecovered": "lanes over threshold [%]",
 }
-WORDS = (
+LEAD_WORDS = (
     "Cell: one combination of the swept values. Lane: one simulated run of a cell. ā: size of the"
-    " attack. Tail: the end of a run, over which errors are taken."
+    " attack. Tail: the end of a run, by which it is judged."
 )
 ULTIMATE_NOTE = "Error over the tail, with the bounds of theory where there are any."
 NOT_ON_A_LOG_AXIS = " Cells with ā = 0 have no place on a log axis."
@@ -141,7 +141,7 @@ def lead_sentence(results: Results) -> str:
         kinds = (cell.scenario.attack for cell in results.study.cells if attacks(cell.scenario))
         attack = alternatives([*dict.fromkeys(each.label or kind_name(each) for each in kinds)])
         told += escape(f" Attack: {attack}, on {rows['attacked signals']}.")
-    return f"{told}<br><small>{WORDS}</small>"
+    return f"{told}<br><small>{LEAD_WORDS}</small>"
 
 
 def left_out_section(results: Results) -> Section | None:

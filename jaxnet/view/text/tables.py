@@ -97,7 +97,7 @@ def summary_text(
         shown = asked if beside else [each.bare() for each in asked]
     cells = [results.study.cells[each] for each in sorted(asked[0].values)]
     lines += map(filled, filter(None, [constant]))
-    verdict = [] if names or pivot else held_lines(results, cells)
+    verdict = [] if names or pivot else known_or([], lambda: held_lines(results, cells))
     notes = [*grave_warnings(results, cells), *other_warnings(results, cells)]
     notes += summary_notes(results, shown)
     below = [*map(filled, notes), *left_out_note(left_out, "cells.csv")]
