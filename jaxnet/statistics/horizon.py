@@ -119,8 +119,10 @@ def lost_words(results: Results, cells: Sequence[Cell], named: Named = cells_nam
     """Where the fleet is lost, of these cells; else ""."""
     lost = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
     found = [cell.number for cell in cells if cell.number in lost]
-    words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
-    return f"{words} {named(found)}" if found else ""
+    words = (
+        f"the fleet is lost (median error over {LOST:,} times the sum of ā and the farthest start)"
+    )
+    return f"{words} in {named(found)}" if found else ""
 
 
 def asked_length(cell: Cell, study: Config, distance: float) -> float:
