@@ -547,10 +547,10 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
     assert "No test on the same draws finds a field better" in found
     found = told(tmp_path, [9.0, 9.0, 1e9, 9.0, 9.0, 9.0, 9.0, 9.0], **keys)
     assert "<br>error 1e+09, 9\xa0m<br>lost 100, 0\xa0%<br>more fail or are lost than" in found
-    assert "<li>Lost: an error over 1,000 times the sum of ā and the farthest start.</li>" in found
+    assert "<li>Lost: an error over 1,000\xa0times the sum of ā and the farthest start." in found
     found = told(tmp_path, FOUR, **DEFENCES)  # a single choice: magnitudes make the columns
     assert '<tr><th scope="col">defence</th><th scope="col">ā\xa0=\xa01\xa0m</th>' in found
-    assert "<p>Error of the median lane. 12 lanes a cell:</p>" in found
+    assert "<p>Error of the median lane. 12\xa0lanes a cell:</p>" in found
     assert "<td>error 4\xa0m</td>" in found  # nothing tells whether a lane holds
     assert "verdict" not in told(tmp_path, MANY, **SIZES)  # nothing to choose
 
@@ -593,6 +593,19 @@ def test_who_left_the_hull_does_not_come_back(tmp_path):
     cells = {"falling": [0.0, 0.0, 0.0, 1.0]}
     found = told(tmp_path, [9.0, 9.0, 1.0, 1.0], **ROTATING | sweep | {"cells": cells})
     assert "<b>Best defence, where errors have settled: W-MSR</b>" in found
+
+
+def test_lanes_whose_vehicles_coast_are_counted(tmp_path):
+    """On a path W-MSR cuts off all vehicles but the first, in each lane, and they come to rest."""
+    keys = {"vehicles": 3, "topology": "path", "engine": "exact", "samples": 2, "horizon": 1.0}
+    keys |= {"attack": {"kind": "bias", "vehicles": [2]}, "vehicle": "single_integrator"}
+    defence = {"kind": "w_msr", "isolated": "coast"}
+    keys |= {"gain": [1.0], "tail": 0.5, "sweep": {"defence": ["none", defence]}}
+    results = jaxnet.run(systems.study(**keys), tmp_path / "out", progress=False)
+    assert findings.isolated_sentence(results) == (
+        "In <b>2 of 4 lanes</b> that ended a vehicle was cut off from all its sources with W-MSR"
+        " (cell 1)."
+    )
 
 
 def test_why_nothing_is_dropped_is_told(tmp_path):

@@ -68,6 +68,10 @@ MEDIAN_LANE = {  # by `judged_word`
 RISING = "<b>Error of the median lane.</b>"
 DETAILS = "Each swept kind: its values compared, with tests"
 AMONG = "groups of cells that differ in ā alone"
+ISOLATED = {  # by column of rows, where vehicles coast or may stop
+    "cut_off_vehicles": "a vehicle was cut off from all its sources",
+    "stopped": "a vehicle came to rest",
+}
 MOVED = 10  # times as far as without an attack
 
 
@@ -90,6 +94,7 @@ def findings_section(
     sentences = [
         proved_sentence(results, theory),
         failed_sentence(results),
+        isolated_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in grave_warnings(results)),
         outside_sentence(results) if alone else "",
         "" if grid else unrecovered_sentence(results),
@@ -134,6 +139,25 @@ def failed_sentence(results: Results) -> str:
     where = "there" if left == sorted(there) else where_words(results, left)
     many = "No lane" if not results.cells["ok"].iloc[left].any() else "Few lanes"
     return f"{failed}. {many} ended {where}".rstrip() + ": these cells have no errors below."
+
+
+def isolated_sentence(results: Results) -> str:
+    """In how many lanes that ended vehicles were cut off, or came to rest, and where."""
+    known = rows.row_columns(results.study.config, results.study.cells).isolation
+    told = []
+    for column, words in ISOLATED.items():
+        if column not in known:
+            continue
+        lanes: dict[int, Any] = {
+            cell: (each[column] > 0).to_numpy()
+            for cell, each in results.by_cell(column, where=rows.OK)
+        }
+        there = [cell for cell, each in lanes.items() if each.any()]
+        if there:
+            many, of = (sum(map(each, lanes.values())) for each in (np.sum, len))
+            where = where_words(results, there)
+            told.append(f"in <b>{many:,} of {of:,} lanes</b> that ended {words} {where}".rstrip())
+    return f"{sentence_case('; '.join(told))}." * bool(told)
 
 
 def nothing_words(results: Results) -> str:

@@ -49,6 +49,7 @@ from jaxnet.view.page.elements import (
     paragraph,
     sentence_case,
     sortable_table,
+    unbroken_names,
     views_html,
 )
 from jaxnet.view.page.plots import networks_html, plotted, tiled
@@ -107,7 +108,9 @@ def page_sections(results: Results) -> list[Section]:
         found = known_or([], lambda: curves(results))
         of_navigator = not is_leaderless(results.study.cells)
         makers = [
-            lambda results: findings.findings_section(results, found, fit_command(results), theory),
+            lambda results: unbroken_names(
+                findings.findings_section(results, found, fit_command(results), theory)
+            ),
             answer_section,
             makers[-1],
             summary_section,
