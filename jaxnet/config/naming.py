@@ -187,7 +187,13 @@ def value_name(key: str, value: object) -> str:
     if value == "none":
         return f"no{NO_BREAK}{key_name(key)}"
     if is_kind(key):
-        return words_of_kind(key, str(value))
+        words = words_of_kind(key, str(value))
+        # A label such as 20 % does not say of what
+        return (
+            words
+            if any(map(str.isalpha, words))
+            else f"{key_name(key)}{NO_BREAK}={NO_BREAK}{words}"
+        )
     if own_name(key) is None and key in (ATTACKED, ATTACKED_NUMBER):
         given = yaml.safe_load(value) if isinstance(value, str) else value
         number = given.get("random", 0) if isinstance(given, dict) else given

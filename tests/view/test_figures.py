@@ -123,7 +123,7 @@ def test_a_curve_warns_as_the_terminal_does(results):
         told = plain(found.figure("curve", y=y).get_supxlabel().replace("\n", " "))
         assert [each in told for each in warnings] == [is_told] * 2, y
     told = found.figure("curve", {"topology": "cyclic"}).get_supxlabel().replace("\n", " ")
-    assert "the fleet is lost, in cells 2, 3" in told
+    assert "farthest start) in cells 2, 3" in told
 
 
 def test_topologies(results):

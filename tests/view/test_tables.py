@@ -187,9 +187,9 @@ def test_a_cell_without_attack_is_not_counted_among_those_that_hold():
 def test_warnings_are_of_the_cells_that_are_shown():
     results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
     results.cells["tail_mean_median"] = [1e9, 0.1, 1e9]
-    assert "fleet is lost, in cells 0, 2" in one_line([tables.summary_text(results)])
+    assert "farthest start) in cells 0, 2" in one_line([tables.summary_text(results)])
     assert "fleet is lost" not in tables.summary_text(results, where={"attack.magnitude": 2.0})
-    assert "fleet is lost, in cell 2" in tables.formatted(
+    assert "farthest start) in cell 2" in tables.formatted(
         results, "latex", where={"attack.magnitude": 3.0}
     )
 
