@@ -285,7 +285,7 @@ TOLD = [
         "With <b>W-MSR</b>, against no\xa0defence, the error is smaller in 1 of 2 settings ("
         "ā\xa0=\xa01\xa0m).</li>",
     ),
-    (MANY, FALLING, "error 2\xa0m<br>error still falls<br>smaller error than with none</td>"),
+    (MANY, FALLING, "error 2\xa0m<br>error still falls<br>vs none: smaller error</td>"),
     (MANY, FALLING, "<b>Warning:</b> in cell 1 of 3 errors still fall when the run ends."),
     (
         MANY,
@@ -534,9 +534,9 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
     ]
     assert re.findall(r'<td style="--lost: (\d+)">(.*?)</td>', table) == [
         ("100", "<b>100 %</b><br>error 9 m"),
-        ("0", "<b>0 %</b><br>error 0.5, 1.5 m<br>more hold than with none"),
+        ("0", "<b>0 %</b><br>error 0.5, 1.5 m<br>vs none: more hold"),
         ("100", "<b>100 %</b><br>error 9 m"),
-        ("100", "<b>100 %</b><br>error 9.5, 9 m<br>greater error than with none in 1 of 2 cells"),
+        ("100", "<b>100 %</b><br>error 9.5, 9 m<br>vs none: greater error in 1 of 2 cells"),
     ]
     assert (
         "<p>Lanes that do not recover (mean error over the tail &gt; 0.1 ā), and error of the"
@@ -546,7 +546,9 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
     found = told(tmp_path, [9.0, 8.0, 9.0, 8.0], **DEFENCES)
     assert "No test on the same draws finds a field better" in found
     found = told(tmp_path, [9.0, 9.0, 1e9, 9.0, 9.0, 9.0, 9.0, 9.0], **keys)
-    assert "<br>error 1e+09, 9\xa0m<br>lost 100, 0\xa0%<br>more fail or are lost than" in found
+    assert (
+        "<br>error 1e+09, 9\xa0m<br>lost 100, 0\xa0%<br>vs none: more fail or are lost in" in found
+    )
     assert "<li>Lost: an error over 1,000\xa0times the sum of ā and the farthest start." in found
     found = told(tmp_path, FOUR, **DEFENCES)  # a single choice: magnitudes make the columns
     assert '<tr><th scope="col">defence</th><th scope="col">ā\xa0=\xa01\xa0m</th>' in found
@@ -589,7 +591,7 @@ def test_who_left_the_hull_does_not_come_back(tmp_path):
     cells |= {"outside_max": [1.0, 1.0, 0.0, 0.0], "spread_median": [0.01] * 4}
     found = told(tmp_path, [0.01] * 4, hulls=12, **HULL | sweep | {"cells": cells})
     assert "<b>Best defence: W-MSR</b>. There <b>0 of 12 lanes</b> in each cell leave" in found
-    assert "out ≈ 0\xa0m<br>spread still falls<br>fewer leave the hull than with none" in found
+    assert "out ≈ 0\xa0m<br>spread still falls<br>vs none: fewer leave the hull" in found
     cells = {"falling": [0.0, 0.0, 0.0, 1.0]}
     found = told(tmp_path, [9.0, 9.0, 1.0, 1.0], **ROTATING | sweep | {"cells": cells})
     assert "<b>Best defence, where errors have settled: W-MSR</b>" in found

@@ -49,7 +49,7 @@ CONDITIONS = ("attack", "channel.loss", "channel.delay", "channel.noise", "navig
 CONDITIONS += ("channel.quantisation", "sensing", "vehicle", "horizon", "tail", "tick", "engine")
 MOST_ROWS, MOST_COLUMNS, MOST_NUMBERS = 40, 8, 4  # numbers are of a field's cells
 NONE = "none"
-COMPARED = "against no {}, on the same draws (McNemar's and sign tests, 5 %, Holm): {}"
+COMPARED = "vs none: against no {}, on the same draws (McNemar's and sign tests, 5 %, Holm): {}"
 NOT_DIFFERENT = "no test on the same draws finds a field better or worse than no {}"
 
 
@@ -210,11 +210,11 @@ def against_none(results: Results, key: str, lanes: JudgedLanes) -> dict[int, st
 
 def found_words(found: Sequence[str]) -> str:
     told = [
-        f"{words} than with none{f' in {many} of {len(found)} cells' * (many < len(found))}"
+        f"{words}{f' in {many} of {len(found)} cells' * (many < len(found))}"
         for words, many in Counter(found).items()
         if words
     ]
-    return "; ".join(told) or "no difference from none is found" * bool(found)
+    return f"vs none: {'; '.join(told) or 'no difference found'}" * bool(found)
 
 
 def grid_words(results: Results, laid: GridLayout, lanes: JudgedLanes, tests: str) -> list[str]:
