@@ -82,7 +82,9 @@ class GridLayout(NamedTuple):
     @property
     def listed(self) -> bool:
         """Whether a field lists the numbers of its few cells, which differ in one key."""
-        return len(self.settings) == 1 and len(*self.settings.values()) <= MOST_NUMBERS
+        sizes = {len(cells) for row in self.fields.values() for cells in row.values()}
+        few = [len(values) for values in self.settings.values() if len(values) <= MOST_NUMBERS]
+        return len(self.settings) == 1 and sizes == {*few}
 
 
 def choices(cells: Sequence[Cell]) -> list[str]:
@@ -120,7 +122,7 @@ def layout(cells: Sequence[Cell]) -> GridLayout | None:
 
 
 def grid_html(results: Results, lanes: JudgedLanes) -> str:
-    """The table with its notes as HTML, "" where it has no place; `lanes` are of lanes, by cell."""
+    """The table with its notes as HTML, "" where it has no place."""
     laid = layout(results.study.cells)
     if laid is None:
         return ""
@@ -163,12 +165,10 @@ def fields_html(
             reasons = sum((failures.get(cell, Counter()) for cell in cells), Counter())
             error = lengths_text(word, medians[cells], laid.listed)
             told = [f"<b>{numbers_text(shares, percent_text, laid.listed)} %</b>" * tells]
-            told.append(counted(reasons))
-            told.append(error)
+            told += [counted(reasons), error]
             lost = pd.Series([100 * lanes[cell]["lost"].mean() for cell in cells])
-            told.append(
-                f"lost {numbers_text(lost, percent_text, laid.listed)} %" * bool(lost.any())
-            )
+            if lost.any():
+                told.append(f"lost {numbers_text(lost, percent_text, laid.listed)} %")
             if alone:
                 told.append(lengths_text("out", table.loc[cells, "outside_max"], laid.listed))
             told.append(f"{word} still falls" * bool(falling & {*cells}))
