@@ -211,11 +211,11 @@ def value_name(key: str, value: object) -> str:
 
 def values_named(key: str, values: Sequence[object], joint: str) -> str:
     """Values of a key joined by a word, with the key's name and unit told once."""
-    *others, last = values
-    name, equals, value = value_name(key, last).partition(f"={NO_BREAK}")
-    if not others or not equals:
-        return f" {joint} ".join(value_name(key, each) for each in values)
-    alone = ", ".join(value_alone(key, each) for each in others)
+    names = [value_name(key, each) for each in values]
+    name, equals, value = names[-1].partition(f"={NO_BREAK}")
+    if len(names) == 1 or not all(each.startswith(f"{name}=") for each in names):
+        return f" {joint} ".join(names)
+    alone = ", ".join(value_alone(key, each) for each in values[:-1])
     return f"{name}{equals}{alone} {joint} {value}"
 
 
@@ -229,8 +229,10 @@ def magnitudes_with_units(key: str, value: object) -> str:
 
 def value_alone(key: str, value: object) -> str:
     """Return a swept value without its key and unit."""
-    if is_kind(key) or is_joint(key):
+    if is_joint(key) or value == "none":
         return value_name(key, value)
+    if is_kind(key):
+        return words_of_kind(key, str(value))
     return magnitudes_with_units(key, value) or format_value(value)
 
 
