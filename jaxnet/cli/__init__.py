@@ -171,7 +171,7 @@ def search_command(
     """Search for an attacker's worst choice in `search.over`; compare it with as many random lanes.
 
     The lanes are a run of the study; a search that was broken off goes on, and workers search cells
-    side by side. The best choice of each cell is tried from 10,000 other starts and by the
+    side by side. The best choice of each cell is tried from 10,000 other draws and by the
     nonlinear engine, and written as a study of its own.
     """
     study = api.studies.with_random_lanes(jaxnet.load(config, overrides))
