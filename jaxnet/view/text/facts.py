@@ -375,11 +375,10 @@ def stable(is_stable: bool) -> str:
 
 
 def rms_words(each: np.ndarray, scenario: Scenario) -> str:
-    who = f" (vehicle {int(each.argmax()) + 1})" if np.ptp(each) > 1e-9 * each.max() else ""
-    return (
-        f"; without attack such errors leave at most {each.max():.4g} m rms on each axis in the"
-        f" end{who}"
-    )
+    told = f"{each.max():.4g} m rms"
+    if np.ptp(each) > 1e-9 * each.max():
+        told = f"{each.min():.4g} to {told} (vehicle {int(each.argmax()) + 1})"
+    return f"; without attack such errors leave {told} on each axis in the end"
 
 
 def greatest_delay_words(margin: float, scenario: Scenario) -> str:
