@@ -49,7 +49,7 @@ def invoke(*words):
 def test_the_constant_attack_costs_what_is_known_exactly(folder):
     """Slopes 1 and 3.1034 of the greatest error are the static bound; nobody exceeds any."""
     text = invoke("fit", folder)
-    assert "no lane is above its bound" in text
+    assert "no lane with a bound is above it" in text
     results = jaxnet.open(folder)
     fits, bounds = results.fits, results.bounds
     assert list(fits) == ["topology", "attack", *fit.FIT_COLUMNS]
