@@ -113,7 +113,9 @@ def test_a_study_differs_from_itself_by_nothing(without):
     assert found.settings.empty
     told = " ".join(comparison.comparison_text(found).split())
     assert "they are the same study" in told
-    measured = [each for each in comparison.comparison_columns(found) if "[m]" in each.title]
+    shown = comparison.comparison_columns(found)
+    assert {*next(each for each in shown if each.name == "p").texts()} == {"-"}
+    measured = [each for each in shown if "[m]" in each.title]
     assert {text for each in measured[1:] for text in each.texts()} == {"0 (alike)"}
     assert "of the cell have the same value; at most 22.1 % of all possible lanes have" in told
 
