@@ -288,8 +288,12 @@ def report_command(
         told = "lane is" if many == 1 else "lanes are"
         motion = "simulated again to show their motion; --no-replay leaves them out"
         errors.echo(f"{many} {told} {motion}", err=True)
+    stored = {*opened.folder.path.glob("replays/*")}
     with texts.progress.report_steps() as told:
-        errors.tell_written(api.writing.write_report(opened, told, not no_replay))
+        files = api.writing.write_report(opened, told, not no_replay)
+        errors.tell_written(file for file in files if file not in stored)
+    if stored:
+        errors.echo(f"replays: {len(stored)} were there already", err=True)
     page = opened.folder.path / "report.html"
     if shown and not webbrowser.open(page.absolute().as_uri()):
         errors.echo(f"no browser opens {page}", err=True)

@@ -4,7 +4,9 @@ SIGTERM, 70 on an error of jaxnet's own.
 
 import contextlib
 import errno
+import itertools
 import os
+import re
 import shlex
 import signal
 import sys
@@ -12,6 +14,7 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import click
 
@@ -34,8 +37,11 @@ def echo(message: object, err: bool = False, nl: bool = True) -> None:
 
 
 def tell_written(paths: Iterable[object]) -> None:
-    for path in paths:
-        echo(f"wrote {path}", err=True)
+    """Name the files that are written; a figure's PNG and PDF in one line."""
+    bare = re.compile(r"\.(png|pdf)$")
+    for _, files in itertools.groupby(map(str, paths), lambda path: bare.sub("", path)):
+        first, *rest = files
+        echo(" and ".join([f"wrote {first}", *(Path(each).suffix for each in rest)]), err=True)
 
 
 def tell_next(command: str, *words: object) -> None:

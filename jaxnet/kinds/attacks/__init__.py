@@ -148,7 +148,9 @@ class AnyAttack(Kind):
         """A short description of the attacked vehicles."""
         if periods := self.periods():
             return sets_in_words(*zip(*periods, strict=True))
-        drawn = f"{count(self.number(), 'vehicle')} drawn for each lane" if self.number() else "nobody"
+        drawn = (
+            f"{count(self.number(), 'vehicle')} drawn for each lane" if self.number() else "nobody"
+        )
         return ranges(sorted(self.targets())) or drawn
 
     # --- On which links, and what they carry ------------------------------------------------------

@@ -7,12 +7,11 @@ import numpy as np
 
 from jaxnet.config.naming import worded
 from jaxnet.model.wording import number_text
-from jaxnet.statistics import intervals
+from jaxnet.statistics import horizon, intervals
 from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE
-from jaxnet.statistics.horizon import LOST as LOST_OVER, lost_cells
 from jaxnet.statistics.limits import at_once_words, unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.recovery import lowered_words
 from jaxnet.store.results import Results
@@ -34,7 +33,7 @@ BOUNDS_LEGEND = (
 LOST, FLAT, BENT, FAILED, ONE_MAGNITUDE = "lost", "flat", "bent", "all failed", "one ā: "
 NO_INTERVAL, ALIKE = "[-]", "(alike)"
 SLOPE_NOTES = {  # by a text of a table
-    LOST: f"lost: the median error is over {LOST_OVER:,} times ā and the farthest start",
+    LOST: f"lost: the median error is over {horizon.LOST:,} times ā and the farthest start",
     FLAT: "flat: errors of greater ā are not greater",
     BENT: "bent: errors rise with ā, but not in proportion",
     ALIKE: "(alike): all lanes have the same error per ā",
@@ -45,7 +44,7 @@ SLOPE_NOTES = {  # by a text of a table
 
 def fit_text(results: Results) -> str:
     found, cells = curves(results), results.study.cells
-    parts = [errors_text(found, lost_cells(results, "tail_mean_median"))]
+    parts = [errors_text(found, horizon.lost_cells(results, "tail_mean_median"))]
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
     told = no_magnitudes(found), falling_words(results, cells), lowered_words(results, cells)
