@@ -148,10 +148,8 @@ class AnyAttack(Kind):
         """A short description of the attacked vehicles."""
         if periods := self.periods():
             return sets_in_words(*zip(*periods, strict=True))
-        drawn = (
-            f"{count(self.number(), 'vehicle')} drawn for each lane" if self.number() else "nobody"
-        )
-        return ranges(sorted(self.targets())) or drawn
+        drawn = f"{count(self.number(), 'vehicle')} drawn for each lane"
+        return ranges(sorted(self.targets())) or (drawn if self.number() else "nobody")
 
     # --- On which links, and what they carry ------------------------------------------------------
 

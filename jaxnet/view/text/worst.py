@@ -30,8 +30,7 @@ LENGTHS = {  # columns of worst.csv that are told per ā, with their titles
     "nonlinear": "found, nonlinear engine",
 }
 SEARCH_LANES = "lanes of the search"
-LESS_ASKED = ("fresh_low", "nonlinear", "fresh")
-SEARCH_DROP_ORDER = ((SEARCH_LANES,), *((LENGTHS[name],) for name in LESS_ASKED))
+SEARCH_DROP_ORDER = [[SEARCH_LANES], *([LENGTHS[n]] for n in ("fresh_low", "nonlinear", "fresh"))]
 
 
 def search_text(results: Results) -> str:
@@ -56,8 +55,7 @@ def search_notes(results: Results) -> list[str]:
     return [
         f"greatest tried: the worst choice over {over}, from {draw} of all else{others}; found by"
         f" the search: of the best choices the worst at {late}; later: the same choice then",
-        "worst random lane: the worst of as many random choices, each from one random draw of all"
-        " else",
+        "worst random lane: the worst of as many random choices, each from a draw of its own",
         "other draws: the found choice from 10,000 other draws of all else",
         *filter(None, [bounds_told(results)]),
     ]
