@@ -56,9 +56,7 @@ FAILED_LANES = 3
 
 
 @command(
-    A_STUDY,
-    "init",
-    click.argument("file", default="study.yaml", type=click.Path(path_type=Path)),
+    A_STUDY, "init", click.argument("file", default="study.yaml", type=click.Path(path_type=Path))
 )
 def write_starter(file: Path) -> None:
     """Write a first config, with comments, to be changed in an editor.
@@ -210,11 +208,7 @@ def list_results(folder: str) -> None:
     "show",
     results_argument,
     form_option,
-    text(
-        "--columns",
-        "A,B,…",
-        "Columns of cells.csv to show.  [default: the main ones]",
-    ),
+    text("--columns", "A,B,…", "Columns of cells.csv to show.  [default: the main ones]"),
     text("--sort", "COLUMN", "Column to sort by; -COLUMN: the greatest first."),
     where_option,
     text("--pivot", "KEY", "Swept key whose values stand across."),

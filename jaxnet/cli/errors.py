@@ -14,7 +14,6 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 
 import click
 
@@ -39,9 +38,8 @@ def echo(message: object, err: bool = False, nl: bool = True) -> None:
 def tell_written(paths: Iterable[object]) -> None:
     """Name the files that are written; a figure's PNG and PDF in one line."""
     bare = re.compile(r"\.(png|pdf)$")
-    for _, files in itertools.groupby(map(str, paths), lambda path: bare.sub("", path)):
-        first, *rest = files
-        echo(" and ".join([f"wrote {first}", *(Path(each).suffix for each in rest)]), err=True)
+    for _, (first, *pdf) in itertools.groupby(map(str, paths), lambda path: bare.sub("", path)):
+        echo(f"wrote {first}{' and .pdf' * len(pdf)}", err=True)
 
 
 def tell_next(command: str, *words: object) -> None:

@@ -98,9 +98,7 @@ def limit_lines(results: Results) -> list[str]:
         lines.append(f"of other draws {shares.min():.1%} to {shares.max():.1%} fulfil it")
     if none.any():
         cells = cells_named(found["cell"][none].tolist()) if len(found) > 1 else "the study"
-        lines.append(
-            f"no choice that was tried in {cells} fulfils it: search where more of them do"
-        )
+        lines += [f"no choice that was tried in {cells} fulfils it: search where more of them do"]
     return ["; ".join(lines)]
 
 
@@ -146,7 +144,6 @@ def worst_rows(results: Results) -> pd.DataFrame:
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
         lengths = lengths.drop(columns=["bound"])
     swept = pd.DataFrame([worded(results.study.cells[number].labels) for number in found["cell"]])
-    who, lanes = found[["cell"]].join(swept).join(found["attacked"]), found["lanes"]
-    return pd.concat(
-        [who, lengths.rename(columns=LENGTHS), lanes.rename(SEARCH_LANES)], axis="columns"
-    )
+    who = found[["cell"]].join(swept).join(found["attacked"])
+    lanes = found["lanes"].rename(SEARCH_LANES)
+    return pd.concat([who, lengths.rename(columns=LENGTHS), lanes], axis="columns")
