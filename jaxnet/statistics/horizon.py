@@ -76,8 +76,8 @@ def errors_words(study: Config, cells: Sequence[Cell], named: Named = cells_name
     above = {number: left for number, left in found.items() if left}
     if not above:
         return ""
-    least = min(above.values())
-    words = f"errors of sensors and messages alone leave a mean error of {least:.3g} m or more"
+    ends = " to ".join(sorted({f"{end(above.values()):.3g}" for end in (min, max)}, key=float))
+    words = f"errors of sensors and messages alone leave an expected mean error of {ends} m"
     return f"{words}, which recovery does not allow, in {named([*above])}"
 
 

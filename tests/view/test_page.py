@@ -487,7 +487,7 @@ def test_a_search_names_its_bounds_and_kinds(tmp_path):
     table.to_csv(tmp_path / "worst.csv", index=False)
     rows = worst.worst_rows(results)
     assert rows["defence"].tolist() == ["no\xa0defence", "trusted trimming"]
-    assert rows["other starts, 5 %"].tolist() == [0, 0]
+    assert rows["other draws, 5 %"].tolist() == [0, 0]
     assert worst.bounds_told(results) == (
         "bound of theory after transients, the least for the attack: harmonic (trusted"
         " trimming), static (no\xa0defence)"
@@ -519,7 +519,7 @@ def test_networks_that_are_not_robust_enough_are_named(tmp_path):
     found = told(tmp_path, [1.0, 1.0], **alone, cells=nobody)
     assert (
         "<li>No agreement is proved, with 2 attacked, at most 1 of them heard by one vehicle, and"
-        " F = 2: the vehicles are not (3, 3)-robust or 5-robust: with lattice (cell 0).</li>"
+        " F = 2: the vehicles are neither (3, 3)-robust nor 5-robust: with lattice (cell 0).</li>"
     ) in found
 
 

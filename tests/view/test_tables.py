@@ -441,6 +441,18 @@ def test_a_slope_is_told_or_why_there_is_none(fit, errors, words):
     assert " ".join(slopes.slope_texts(curve)) == words
 
 
+def test_a_lost_fleet_is_told_as_lost():
+    """Whatever its errors are by."""
+    curve = curve_of(2, {("tail_mean", None): (2.2, 2.1, 2.3)}, greater=0.5, width=0.2)
+    swept = systems.study(attack="bias", sweep={"attack.magnitude": [1, 2]}).cells
+    curve = curve._replace(group=Group({}, (*swept,)))
+    text = one_line([slopes.errors_text([curve], [1])])
+    assert "lost - " in text
+    assert "lost: the median error is over 1,000 times ā and the farthest start" in text
+    assert "bent" not in text
+    assert "bent -" in one_line([slopes.errors_text([curve], [2])])
+
+
 def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(monkeypatch):
     """What a study measures besides goes first; titles take three lines at most."""
     monkeypatch.setenv("COLUMNS", "80")
