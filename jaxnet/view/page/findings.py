@@ -338,11 +338,11 @@ def search_sentence(results: Results) -> str:
         return ""
     if not (results.path / "worst.csv").exists():
         return "The search is still to be run: <code>jaxnet search CONFIG</code>"
-    rows: Any = worst.worst_rows(results).set_index("cell").dropna(subset=worst.LENGTHS["found"])
+    rows: Any = worst.worst_rows(results).set_index("cell").dropna(subset=worst.LENGTHS["greatest"])
     if rows.empty:
         return ""
     unit = " ā" if worst.is_per_size(results) else ""
-    found, random = rows[worst.LENGTHS["found"]], rows[worst.LENGTHS["random"]].max()
+    found, random = rows[worst.LENGTHS["greatest"]], rows[worst.LENGTHS["random"]].max()
     found = found.to_frame("value").assign(low=np.nan, high=np.nan)
     span = span_words(results, found, error_text, unit, found.index.tolist())
     lanes = count(int(rows[worst.SEARCH_LANES].max()), "lane")
