@@ -258,7 +258,7 @@ def test_report_draws_the_figures(finished, monkeypatch):
     again = "7 lanes are simulated again to show their motion; --no-replay leaves them out\n"
     assert done.stderr.startswith(again)
     written = sorted(path.name for path in (out / "figures").iterdir())
-    names = ("bands", "curve", "panels", "tails", "topologies")
+    names = ("bands", "panels", "tails", "topologies")  # a curve of one cell is a point
     assert written == sorted(f"{name}.{kind}" for name in names for kind in ("png", "pdf"))
 
 
