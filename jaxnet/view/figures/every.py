@@ -30,6 +30,7 @@ from jaxnet.statistics.quantities import (
     metric_and_statistic,
     quantity_of,
     unended_words,
+    values_told,
 )
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.summary import lane_shares
@@ -64,7 +65,7 @@ TWO_KEYS = (
 )
 NOT_OF_ERRORS = (*SEARCH, *SENSITIVITY, "topologies")
 OVER_TIME = ("panels", "bands")
-OF_ENDED_LANES = ("vehicles", "ultimate", "ultimate_mean", "bands")
+OF_ENDED_LANES = ("vehicles", "ultimate", "ultimate_mean", *OVER_TIME)
 NO_CHOICE: Mapping[str, object] = {}
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
 LONGEST_FILE_NAME = 100  # letters of a file's name
@@ -181,12 +182,17 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             if draw.__name__ == "curve":
                 over_tail, of_errors = about_curve(self.results.study.config, axes.get("y"))
             graphs = draw.__name__ == "topologies"
+            every = self.results.study.cells
+
+            def named(numbers: Sequence[int]) -> str:
+                return values_told([every[number] for number in numbers], cells)
+
             labels = [topology.graph_labels(cell) if graphs else cell.labels for cell in cells]
             notes = label_notes(self.results.study.config.sweep, labels)
             if over_tail:
                 notes.append(tail_words(cells))
             if (over_tail or of_errors) and draw.__name__ not in OVER_TIME:
-                notes += [lost_words(self.results, cells), falling_words(self.results, cells)]
+                notes += [told(self.results, cells, named) for told in (lost_words, falling_words)]
             if draw.__name__ in OF_ENDED_LANES:
                 notes.append(unended_words(self.results, cells))
             formation = any(cell.scenario.formation.present for cell in cells)
