@@ -237,7 +237,7 @@ class Drawing(NamedTuple):
 
     @property
     def values(self) -> Scale:
-        return self.x if self.y.names else self.y
+        return self.colours or (self.x if self.y.names else self.y)
 
     def parted(self, series: Trace) -> list[Trace]:
         """The points within the axis, and apart, hollow, those beyond, to which no line leads."""
@@ -255,6 +255,7 @@ class Drawing(NamedTuple):
     def beyond(self, panels: Sequence[Panel]) -> Beyond:
         series = [each for panel in panels for each in panel.series if each.form != "slope"]
         shown = [each.x if self.y.names else each.y for each in series]
+        shown += [panel.tiles.values for panel in panels if panel.tiles is not None]
         shown += [end for each in series if not each.barred for end in (each.low, each.high)]
         sides = [self.values.is_beyond(each) for each in shown if each is not None]
         return any(np.any(low) for low, _ in sides), any(np.any(high) for _, high in sides)

@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 from jaxnet.statistics.axes import numeric
 from jaxnet.statistics.groups import evenly, evenly_over
 from jaxnet.view.drawings.drawing import (
+    BAND,
     OUTSIDE,
     Beyond,
     Drawing,
@@ -45,7 +46,7 @@ DESCENT = 0.015  # [in] that is empty below a number
 NO_ROOM = "tiles of a value without its number have no room for it"
 TILE_LETTERS = 12  # of a line of a column's name
 HIGH = 4  # rows of panels, from which smaller tiles in fewer rows are better
-COLOUR_BAR_ROOM = 0.35  # [in]
+COLOUR_BAR_ROOM, BAR_WIDTH = 0.35, 0.7  # [in]; of the figure's width
 HATCHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////"}
 MOST_VALUE_TICKS = 8  # values of x, where ticks stand at them
 DIGIT_OF_NAME = 0.062  # [in] of a letter below a column of tiles
@@ -54,7 +55,7 @@ DIGIT_OF_TICK, DOT_OF_TICK = 0.64, 0.32  # of the size of the type, the widths o
 PANEL_FRAME = 0.55, 0.12  # [in] beside the panels of a row, and between two of them
 ROOM_FOR_TWENTIES = 1.25  # [in] of an axis of shares with ticks at 0, 20 to 100
 ROOM_OF_TICK = 0.4  # [in] for each of the round ticks
-END_ROOM = 0.4, 0.25  # [in] from the tick of an end to the next, along x and along y
+END_ROOM = 0.4, 0.22  # [in] from the tick of an end to the next, along x and along y
 TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
 DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
 
@@ -117,15 +118,19 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
         set_scale(axes[0], drawing.y, "y", page.height)
     set_scale(axes[0], drawing.x, "x", room)
     beyond = drawing.beyond(panels)
-    if any(beyond) or drawing.values.band:
+    if drawing.colours is None and (any(beyond) or drawing.values.band):
         mark_ends(axes, drawing.values, beyond, room if rows else page.height, bool(rows))
     if is_steep:
         for place in axes:
             place.tick_params(axis="x", labelrotation=90)
     if drawing.colours is not None:
         bar = ScalarMappable(colour_norm(drawing.colours), COLOUR_MAP)
-        look: dict[str, Any] = {"location": "bottom", "aspect": 50, "shrink": 0.7}
-        drawn.colorbar(bar, ax=drawn.axes, label=drawing.colours.title, **look)
+        look: dict[str, Any] = {"location": "bottom", "aspect": 50, "shrink": BAR_WIDTH}
+        look["extend"] = ("neither", "max", "min", "both")[2 * beyond[0] + beyond[1]]
+        shown = drawn.colorbar(bar, ax=drawn.axes, label=drawing.colours.title, **look).ax
+        if drawing.colours.log:
+            multiples.log_ticks(shown.xaxis, BAR_WIDTH * within)
+            mark_ends([shown], drawing.colours, beyond, BAR_WIDTH * within, rows=True)
     if drawing.blank:
         hatched = Patch(label=drawing.blank, linewidth=0, **HATCHED)
         drawn.legend(handles=[hatched], loc="outside upper right")
@@ -341,6 +346,7 @@ def mark_ends(
     """
     axis, apart = (panels[0].xaxis, END_ROOM[0]) if rows else (panels[0].yaxis, END_ROOM[1])
     low, high = axis.get_view_interval()
+    room /= 1 + BAND[1] * bool(scale.band)
     places = [at for at in axis.get_major_locator()() if low <= at <= high]
     ticks = dict(zip(places, axis.get_major_formatter().format_ticks(places), strict=True))
     if scale.log:

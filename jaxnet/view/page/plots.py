@@ -99,7 +99,9 @@ def tiled(drawing: Drawing) -> str:
         named = {"title": {"text": plain(scale.title)}, "showgrid": False}
         layout[f"{letter}axis"] = names_axis(scale.names, falling=letter == "y") | named
     reach: Any = norm.vmin, norm.vmax
-    ends = [*map(named_powers(*reach), reach)]
+    signs = zip(("≤ ", "≥ "), drawing.beyond(drawing.panels), strict=True)
+    named = zip(signs, map(named_powers(*reach), reach), strict=True)
+    ends = [sign * there + end for (sign, there), end in named]
     bar = {"title": {"text": plain(title), "side": "right"}, "tickvals": [0, 1], "ticktext": ends}
     look = {"type": "heatmap", "zmin": 0, "zmax": 1, "xgap": 1, "ygap": 1, "showscale": False}
     look |= {"texttemplate": "%{text}", "hoverinfo": "text", "textfont": {"color": "--text"}}
