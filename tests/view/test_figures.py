@@ -169,6 +169,15 @@ def test_lanes_that_failed_are_seen(tmp_path):
     assert page.count('"none ended"') == 1
 
 
+def test_vehicles_drawn_for_each_lane_are_told_beside_the_graph():
+    """Their number, for no vehicle is marked; of listed ones nothing is told."""
+    for vehicles, told in (({"random": 2}, "2 attacked vehicles drawn for each lane"), ([3], "")):
+        attack = {"kind": "rotating", "magnitude": 5, "vehicles": vehicles}
+        drawn = topology.topology_figure(systems.study(attack=attack, topology="complete").cells)
+        assert ("drawn for each lane" in drawn.get_supxlabel()) is bool(told)
+        assert told in drawn.get_supxlabel()
+
+
 def test_links_of_the_navigator_stand_out():
     """In a complete graph: dark, in front of the others, and in the legend."""
     cells = systems.study(topology="complete", defence="none", attack="none").cells

@@ -147,9 +147,10 @@ class Scale(NamedTuple):
         """Middle and end of the band."""
         assert self.ends is not None
         low, high = self.ends
+        near, far = (high + part * (high - low or 1.0) for part in BAND)
         if self.log:
-            return tuple(high * (high / low) ** part for part in BAND)
-        return tuple(high + (high - low or 1.0) * part for part in BAND)
+            near, far = (high * (high / low) ** part for part in BAND)
+        return near, far
 
     def within(self, values: Any, form: str = "") -> Any:
         """Values of a series of this form as the axis shows them."""

@@ -10,7 +10,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, XAxis
 from matplotlib.cbook import is_math_text
 from matplotlib.font_manager import FontProperties
 from matplotlib.gridspec import GridSpec
@@ -37,7 +37,7 @@ LETTERS_PER_INCH, NOTE_LETTERS_PER_INCH = 17, 19  # of a row's name, and of a no
 LEGEND_LINE = 0.16  # [in]
 LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
-LABEL_ROOMS = {"x": 0.45, "y": 0.25}  # [in] from a label of a log axis to the next
+LABEL_ROOMS = 0.25, 0.45  # [in] between labels of a log axis, along y and along x
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
 BETWEEN = 1.06  # of a panel, the middle between it and the next
 
@@ -74,7 +74,7 @@ def log_ticks(axis: Axis, room: float = PANEL_HEIGHT) -> None:
     if decades >= 2:
         powers = np.arange(np.ceil(np.log10(low) - 1e-9), np.floor(np.log10(high) + 1e-9) + 1)
         span = len(powers) - 1
-        least = span * LABEL_ROOMS[axis.axis_name] / room  # decades from a label to the next
+        least = span * LABEL_ROOMS[isinstance(axis, XAxis)] / room  # decades between labels
         fits = [n for n in range(1, span // 2 + 1) if n >= least]
         step = next((n for n in fits if span % n == 0), (fits or [max(1, span // 2)])[0])
         axis.set_major_locator(FixedLocator(10.0 ** powers[::step]))

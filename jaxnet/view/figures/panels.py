@@ -290,10 +290,7 @@ def draw_errors(
     title: str,
     last: bool,
 ) -> None:
-    """Draw ẽ, or the spread, above ε̃ on log axes: a median over lanes, a band from 5 to 95 %.
-
-    The last row names the axis of time.
-    """
+    """Draw ẽ, or the spread, above ε̃ on log axes: a median over lanes, a band from 5 to 95 %."""
     inner = place.subgridspec(2, 1, hspace=0.0)
     upper = drawn.add_subplot(inner[0])
     lower = drawn.add_subplot(inner[1], sharex=upper)

@@ -265,6 +265,7 @@ def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
     if texts := value_ticks(scale, ROOM_OF_TICKS):
         title |= {"tickvals": [*scale.ticks], "ticktext": texts}
     low, high = scale.ends or reach_of(drawing, letter)
+    found: dict[str, Any]
     if scale.log:
         room = max(LOG_ROOM, (high / low) ** (2 * DODGE)) if letter == "x" else 1.0
         beyond = drawing.beyond(drawing.panels) if scale is drawing.values else (False, False)
@@ -276,12 +277,11 @@ def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
         found = {"range": [low - room, high + room], "nticks": 6}
     if scale.band:
         middle, end = scale.beyond_end
-        ticks = found.get("tickvals"), found.get("ticktext")
-        if ticks[0] is None:
-            values = MaxNLocator(6).tick_values(low, high)
-            values = values[(values >= low) & (values <= high)].tolist()
-            ticks = values, [f"{value:g}" for value in values]
-        found["tickvals"], found["ticktext"] = [*ticks[0], middle], [*ticks[1], scale.band]
+        if not scale.log:
+            ticks = [at for at in MaxNLocator(6).tick_values(low, high) if low <= at <= high]
+            found |= {"tickvals": ticks, "ticktext": [f"{at:g}" for at in ticks]}
+        found["tickvals"] = [*found["tickvals"], middle]
+        found["ticktext"] = [*found["ticktext"], scale.band]
         found["range"][1] = log10(end) if scale.log else end
     return found | title
 
