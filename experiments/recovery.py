@@ -36,7 +36,7 @@ QUESTIONS: dict[str, dict[str, Any]] = {
     "frequency": {
         "attack": PAIR,
         "defence": ["trusted_trim", "none"],
-        "attack.frequency": [0.1, 0.35, 0.7, 1.0, 1.2, 1.4, 2.0, 2.8],
+        "attack.frequency": [0.1, 0.35, 0.7, 0.75, 0.8, 1.0, 1.2, 1.25, 1.3, 1.4, 2.0, 2.8],
     },
     "gain": {"attack": PAIR, "gain": [[1, 3, 3], [2, 5, 4], [6, 11, 6]]},
     "weight": {"attack": PAIR, "topology.navigator_weight": [0.02, 0.05, 0.1, 0.2, 0.4]},

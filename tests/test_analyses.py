@@ -51,7 +51,9 @@ def test_a_folder_is_listed_by_what_it_holds(shelf):
 
 def test_the_page_and_the_figure_need_no_run(shelf, undrawn, tmp_path):
     """The page begins with what was analysed, tells what was run, and has no section of lanes."""
-    assert "sensitivity.pdf" in said("figure", shelf / "sens", "sensitivity", "--out", tmp_path)
+    assert "sensitivity.png and .pdf" in said(
+        "figure", shelf / "sens", "sensitivity", "--out", tmp_path
+    )
     for name, there in (("sens", "<td>initial position</td>"), ("rare", "share that fails")):
         said("report", shelf / name, "--out", tmp_path / name)
         html = (tmp_path / name / "report.html").read_text()

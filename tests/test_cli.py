@@ -260,8 +260,13 @@ def test_report_draws_the_figures(finished, monkeypatch):
     assert "no browser" not in done.stderr
     again = "7 lanes are simulated again to show their motion; --no-replay leaves them out\n"
     assert done.stderr.startswith(again)
+    assert f"wrote {out / 'figures' / 'tails.png'} and .pdf\n" in done.stderr
+    again = jaxnet_does("report", out).stderr
+    there = len([*(out / "replays").glob("*")])
+    assert "replays/" not in again
+    assert (f"replays: {there} were there already\n" in again) is (there > 0)
     written = sorted(path.name for path in (out / "figures").iterdir())
-    names = ("bands", "panels", "tails", "topologies")  # a curve of one cell is a point
+    names = ("bands", "panels", "tails", "topologies")  # of one cell no curve
     assert written == sorted(f"{name}.{kind}" for name in names for kind in ("png", "pdf"))
 
 

@@ -133,7 +133,8 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.lied]]
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
-    assert "rotating on 2 drawn for each lane in what they transmit" in check.check_text(study)
+    told = " ".join(check.check_text(study).split())
+    assert "rotating on 2 vehicles drawn for each lane in what they transmit" in told
 
 
 ARENA = {

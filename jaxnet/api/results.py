@@ -406,7 +406,9 @@ def open(
     folder.refuse_strange()
     manifest, rows_there = folder.manifest, any(folder.path.glob("lanes/*.parquet"))
     if not manifest and not rows_there:
-        raise FolderError(f"{path} is not a results folder: it has no manifest.json")
+        config = f"it is a config, and jaxnet run {path} makes its results"
+        why = config if folder.path.is_file() else "it has no manifest.json"
+        raise FolderError(f"{path} is not a results folder: {why}")
     if manifest and (lacking := MANIFEST - {*manifest}):
         raise FolderError(f"{path}/manifest.json: not a manifest of ours: it has no {min(lacking)}")
     if manifest.get("finished"):

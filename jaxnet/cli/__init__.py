@@ -56,9 +56,7 @@ FAILED_LANES = 3
 
 
 @command(
-    A_STUDY,
-    "init",
-    click.argument("file", default="study.yaml", type=click.Path(path_type=Path)),
+    A_STUDY, "init", click.argument("file", default="study.yaml", type=click.Path(path_type=Path))
 )
 def write_starter(file: Path) -> None:
     """Write a first config, with comments, to be changed in an editor.
@@ -171,7 +169,7 @@ def search_command(
     """Search for an attacker's worst choice in `search.over`; compare it with as many random lanes.
 
     The lanes are a run of the study; a search that was broken off goes on, and workers search cells
-    side by side. The best choice of each cell is tried from 10,000 other starts and by the
+    side by side. The best choice of each cell is tried from 10,000 other draws and by the
     nonlinear engine, and written as a study of its own.
     """
     study = api.studies.with_random_lanes(jaxnet.load(config, overrides))
@@ -210,11 +208,7 @@ def list_results(folder: str) -> None:
     "show",
     results_argument,
     form_option,
-    text(
-        "--columns",
-        "A,B,…",
-        "Columns of cells.csv to show.  [default: the main ones]",
-    ),
+    text("--columns", "A,B,…", "Columns of cells.csv to show.  [default: the main ones]"),
     text("--sort", "COLUMN", "Column to sort by; -COLUMN: the greatest first."),
     where_option,
     text("--pivot", "KEY", "Swept key whose values stand across."),
@@ -288,8 +282,12 @@ def report_command(
         told = "lane is" if many == 1 else "lanes are"
         motion = "simulated again to show their motion; --no-replay leaves them out"
         errors.echo(f"{many} {told} {motion}", err=True)
+    stored = {*opened.folder.path.glob("replays/*")}
     with texts.progress.report_steps() as told:
-        errors.tell_written(api.writing.write_report(opened, told, not no_replay))
+        files = api.writing.write_report(opened, told, not no_replay)
+        errors.tell_written(file for file in files if file not in stored)
+    if stored:
+        errors.echo(f"replays: {len(stored)} were there already", err=True)
     page = opened.folder.path / "report.html"
     if shown and not webbrowser.open(page.absolute().as_uri()):
         errors.echo(f"no browser opens {page}", err=True)

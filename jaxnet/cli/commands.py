@@ -19,13 +19,8 @@ errors = LazyModule("jaxnet.cli.errors")
 near_names = LazyModule("jaxnet.kinds.refusals")
 
 C = TypeVar("C", bound=Callable[..., object])
-SECTIONS: dict[str, list[click.Command]] = {
-    "A study": [],
-    "Its results": [],
-    "One lane": [],
-    "Further": [],
-}
-A_STUDY, ITS_RESULTS, ONE_LANE, FURTHER = SECTIONS
+A_STUDY, ITS_RESULTS, ONE_LANE, FURTHER = "A study", "Its results", "One lane", "Further"
+SECTIONS = {name: list[click.Command]() for name in (A_STUDY, ITS_RESULTS, ONE_LANE, FURTHER)}
 
 
 class NearChoice(click.Choice):

@@ -4,7 +4,9 @@ SIGTERM, 70 on an error of jaxnet's own.
 
 import contextlib
 import errno
+import itertools
 import os
+import re
 import shlex
 import signal
 import sys
@@ -34,8 +36,10 @@ def echo(message: object, err: bool = False, nl: bool = True) -> None:
 
 
 def tell_written(paths: Iterable[object]) -> None:
-    for path in paths:
-        echo(f"wrote {path}", err=True)
+    """Name the files that are written; a figure's PNG and PDF in one line."""
+    bare = re.compile(r"\.(png|pdf)$")
+    for _, (first, *pdf) in itertools.groupby(map(str, paths), lambda path: bare.sub("", path)):
+        echo(f"wrote {first}{' and .pdf' * len(pdf)}", err=True)
 
 
 def tell_next(command: str, *words: object) -> None:

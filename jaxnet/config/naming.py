@@ -187,7 +187,13 @@ def value_name(key: str, value: object) -> str:
     if value == "none":
         return f"no{NO_BREAK}{key_name(key)}"
     if is_kind(key):
-        return words_of_kind(key, str(value))
+        words = words_of_kind(key, str(value))
+        # A label such as 20 % does not say of what
+        return (
+            words
+            if any(map(str.isalpha, words))
+            else f"{key_name(key)}{NO_BREAK}={NO_BREAK}{words}"
+        )
     if own_name(key) is None and key in (ATTACKED, ATTACKED_NUMBER):
         given = yaml.safe_load(value) if isinstance(value, str) else value
         number = given.get("random", 0) if isinstance(given, dict) else given
@@ -205,11 +211,11 @@ def value_name(key: str, value: object) -> str:
 
 def values_named(key: str, values: Sequence[object], joint: str) -> str:
     """Values of a key joined by a word, with the key's name and unit told once."""
-    *others, last = values
-    name, equals, value = value_name(key, last).partition(f"={NO_BREAK}")
-    if not others or not equals:
-        return f" {joint} ".join(value_name(key, each) for each in values)
-    alone = ", ".join(value_alone(key, each) for each in others)
+    names = [value_name(key, each) for each in values]
+    name, equals, value = names[-1].partition(f"={NO_BREAK}")
+    if len(names) == 1 or not all(each.startswith(f"{name}=") for each in names):
+        return f" {joint} ".join(names)
+    alone = ", ".join(value_alone(key, each) for each in values[:-1])
     return f"{name}{equals}{alone} {joint} {value}"
 
 
@@ -223,8 +229,10 @@ def magnitudes_with_units(key: str, value: object) -> str:
 
 def value_alone(key: str, value: object) -> str:
     """Return a swept value without its key and unit."""
-    if is_kind(key) or is_joint(key):
+    if is_joint(key) or value == "none":
         return value_name(key, value)
+    if is_kind(key):
+        return words_of_kind(key, str(value))
     return magnitudes_with_units(key, value) or format_value(value)
 
 

@@ -56,6 +56,7 @@ class Run:
         crew: Executor | None = None,
     ):
         self.began, self.before = time.monotonic(), folder.manifest
+        self.same_rows = False  # as the folder had when it was finished
         if isinstance(study.samples, int):
             most = max(study.samples, self.before.get("samples", 0))
             study = study.model_copy(update={"samples": most})
@@ -157,9 +158,11 @@ class Run:
     def begin(self, samples: Sequence[int]) -> None:
         """Write the manifest, and make room for these samples in the stores that shards fill."""
         about, before = self.about(samples), self.folder.manifest
-        entries = ("save", "samples", "cell_samples")
+        entries = ("samples", "cell_samples")
         same = all(before.get(entry) == about[entry] for entry in entries)
-        self.folder.write_manifest(**about, finished=same and before["finished"])
+        self.same_rows = same and before["finished"]
+        finished = self.same_rows and before["save"] == about["save"]
+        self.folder.write_manifest(**about, finished=finished)
         filled, size = {}, self.work.size
         for name, variables in self.work.stores.items():
             path = self.folder.path / name
@@ -181,7 +184,8 @@ class Run:
         concerned = {shard.cell.number: shard.cell for shard in todo}
         shards.try_kinds(self.study, [*concerned.values()], self.machine, work.series)
         if work.filled is not None and (todo or not self.folder.manifest["finished"]):
-            self.clear_derived("made of the rows before", made_of_rows(self.folder))
+            gone = () if self.same_rows else made_of_rows(self.folder)
+            self.clear_derived("made of the rows before", gone)
 
         def load_done(lanes: int) -> None:
             tally.under_way += lanes

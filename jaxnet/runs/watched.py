@@ -19,7 +19,7 @@ from jaxnet.store.arrays import lane_in, lanes_in, open_store
 from jaxnet.store.results import Results
 
 WORST_OF_ALL = "worst lane of the study"
-WORST = "worst per ā of cells that differ in ā"
+WORST = "worst per ā"
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
 MOST_BYTES = 2**28  # that such a lane may take
 MOST_VEHICLES = 300  # of a fleet of which each can be told from the others where it is drawn

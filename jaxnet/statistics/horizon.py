@@ -76,8 +76,8 @@ def errors_words(study: Config, cells: Sequence[Cell], named: Named = cells_name
     above = {number: left for number, left in found.items() if left}
     if not above:
         return ""
-    least = min(above.values())
-    words = f"errors of sensors and messages alone leave a mean error of {least:.3g} m or more"
+    ends = " to ".join(sorted({f"{end(above.values()):.3g}" for end in (min, max)}, key=float))
+    words = f"errors of sensors and messages alone leave an expected mean error of {ends} m"
     return f"{words}, which recovery does not allow, in {named([*above])}"
 
 
@@ -119,8 +119,10 @@ def lost_words(results: Results, cells: Sequence[Cell], named: Named = cells_nam
     """Where the fleet is lost, of these cells; else ""."""
     lost = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
     found = [cell.number for cell in cells if cell.number in lost]
-    words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
-    return f"{words} {named(found)}" if found else ""
+    words = (
+        f"the fleet is lost (median error over {LOST:,} times the sum of ā and the farthest start)"
+    )
+    return f"{words} in {named(found)}" if found else ""
 
 
 def asked_length(cell: Cell, study: Config, distance: float) -> float:

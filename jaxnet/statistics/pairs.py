@@ -305,13 +305,21 @@ def cell_labels(pair: CellPair) -> dict[str, Any]:
 
 def differing_settings(first: Results, second: Results) -> pd.DataFrame:
     """Keys in which two studies differ, without the keys that both sweep."""
-    flat = (flatten_keys(to_plain(each.study.config)) for each in (first, second))
-    a, b = ({key: str(value) for key, value in each.items()} for each in flat)
+    a, b = (flatten_keys(to_plain(each.study.config)) for each in (first, second))
     swept = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     hidden = tuple(f"{key}." for key in ("name", "save", *swept))
     rows = [
-        {"key": key, "A": a.get(key, "-"), "B": b.get(key, "-")}
+        (key, *values_apart(a.get(key, "-"), b.get(key, "-")))
         for key in dict.fromkeys([*a, *b])
-        if a.get(key) != b.get(key) and not f"{key}.".startswith(hidden)
+        if str(a.get(key)) != str(b.get(key)) and not f"{key}.".startswith(hidden)
     ]
     return pd.DataFrame(rows, columns=["key", "A", "B"])
+
+
+def values_apart(a: Any, b: Any) -> tuple[str, str]:
+    """Two values as text; of lists of choices only those that the other list lacks."""
+    if isinstance(a, list) and isinstance(b, list) and dict in map(type, [*a, *b]):
+        only = [each for each in a if each not in b], [each for each in b if each not in a]
+        if any(only):  # else their order differs
+            a, b = (", ".join(map(str, each)) or "-" for each in only)
+    return str(a), str(b)

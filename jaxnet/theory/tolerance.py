@@ -73,8 +73,10 @@ def agreement(case: Case) -> Agreement | None:
         return Agreement(False, f"{liars}: too many are attacked")
     needed = [f"({F + 1}, {F + 1})-robust"] * (total <= F) + [f"{2 * F + 1}-robust"] * (each <= F)
     sure = robust.total.known and robust.local.known
-    verb = "are not" if sure else "are not known to be"
-    return Agreement(False, f"{liars}: the vehicles {verb} {' or '.join(needed)}")
+    told = f"are not known to be {' or '.join(needed)}"
+    if sure:
+        told = f"are {'neither' if len(needed) > 1 else 'not'} {' nor '.join(needed)}"
+    return Agreement(False, f"{liars}: the vehicles {told}")
 
 
 def broken_step(case: Case) -> str:

@@ -318,15 +318,21 @@ def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):
 
 
 def test_saving_more_later_keeps_the_rows(config, tmp_path):
-    """`save` is not part of the study's identity."""
+    """`save` is not part of the study's identity; what was made of the rows stays too."""
     keys = {"sweep.topology": ["star"], "sweep.attack.magnitude": [5.5]}
     bare = jaxnet.run(jaxnet.load(config, {**keys, "save": {}}), tmp_path / "later")
-    rows = bare.lanes
+    rows, mine = bare.lanes, tmp_path / "later" / "figures" / "mine.png"
+    mine.parent.mkdir()
+    mine.touch()
     with pytest.raises(FolderError, match=r"no errors\.zarr"):
         _ = bare.errors
     fuller = jaxnet.run(jaxnet.load(config, keys), tmp_path / "later")
     pd.testing.assert_frame_equal(fuller.lanes, rows, check_exact=True)
     assert not np.isnan(fuller.errors["tracking"].values).any()
+    assert mine.exists()
+    with pytest.warns(UserWarning, match="made of the rows before: figures"):
+        jaxnet.run(jaxnet.load(config, {**keys, "samples": 4}), tmp_path / "later")
+    assert not mine.exists()
 
 
 def test_a_failed_lane_keeps_its_row(config, tmp_path):

@@ -101,6 +101,15 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
     assert shares.scaled() == (100 * found.cells["unrecovered"]).tolist()
 
 
+def test_lists_of_choices_differ_by_what_the_other_lacks():
+    ring, trim = {"kind": "circulant", "offsets": [1, 2]}, {"kind": "w_msr", "F": 2}
+    assert pairs.values_apart(["none", ring, trim], ["none", ring]) == (str(trim), "-")
+    assert pairs.values_apart([ring], [ring | {"offsets": [1]}])[0] == str(ring)
+    assert pairs.values_apart([ring, trim], [trim, ring])[0] == str([ring, trim])
+    assert pairs.values_apart([0.5, 5], [0.5]) == ("[0.5, 5]", "[0.5]")
+    assert pairs.values_apart("-", [ring]) == ("-", str([ring]))
+
+
 def test_a_study_differs_from_itself_by_nothing(without):
     """Exactly, and nobody changed sides."""
     found = jaxnet.compare(without, without)
@@ -113,7 +122,9 @@ def test_a_study_differs_from_itself_by_nothing(without):
     assert found.settings.empty
     told = " ".join(comparison.comparison_text(found).split())
     assert "they are the same study" in told
-    measured = [each for each in comparison.comparison_columns(found) if "[m]" in each.title]
+    shown = comparison.comparison_columns(found)
+    assert {*next(each for each in shown if each.name == "p").texts()} == {"-"}
+    measured = [each for each in shown if "[m]" in each.title]
     assert {text for each in measured[1:] for text in each.texts()} == {"0 (alike)"}
     assert "of the cell have the same value; at most 22.1 % of all possible lanes have" in told
 

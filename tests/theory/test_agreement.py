@@ -85,8 +85,8 @@ def test_liars_that_replace_what_they_send_may_be_drawn():
         ({"attack": LIARS | {"sybils": 1}}, "several identities"),
         ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}, "messages are lost"),
         ({"attack": LIARS | {"vehicles": [2, 5]}}, "2 attacked, at most 2 of them heard"),
-        ({"topology": "cyclic"}, "the vehicles are not ("),
-        ({"defence": {"kind": "w_msr", "F": 4}}, "the vehicles are not ("),
+        ({"topology": "cyclic"}, "the vehicles are neither ("),
+        ({"defence": {"kind": "w_msr", "F": 4}}, "are neither (5, 5)-robust nor 9-robust"),
         ({"vehicles": 201, "topology": "cyclic"}, "was not examined"),
     ],
 )

@@ -116,12 +116,12 @@ def test_a_curve_warns_of_errors_that_are_not_ultimate(results):
     """Where errors may still fall or the fleet is lost, of the cells that are drawn."""
     found = jaxnet.open(results.path)
     vars(found)["cells"] = found.cells.assign(tail_mean_median=1e12, falling=1.0)
-    warnings = "the fleet is lost, in all", "errors still fall when the run ends"
+    warnings = "farthest start) in all", "errors still fall when the run ends"
     for y, is_told in (("tail_mean", True), ("tail_max_q95", True), ("failed", False)):
         told = plain(found.figure("curve", y=y).get_supxlabel().replace("\n", " "))
         assert [each in told for each in warnings] == [is_told] * 2, y
     told = found.figure("curve", {"topology": "cyclic"}).get_supxlabel().replace("\n", " ")
-    assert "the fleet is lost, in all" in told
+    assert "farthest start) in all" in told
     assert "cell " not in told  # values instead of numbers
 
 

@@ -14,6 +14,7 @@ from upath import UPath
 import jaxnet
 from jaxnet.cli import main
 from jaxnet.config.document import CONTROLS
+from jaxnet.config.naming import value_name, values_named
 from jaxnet.store.folder import Folder
 from jaxnet.store.tables import csv_text, read_table
 from jaxnet.view.columns import summary_columns
@@ -46,6 +47,15 @@ def results(tmp_path_factory):
         },
     }
     return jaxnet.run(study, tmp_path_factory.mktemp("labels") / "out", progress=False)
+
+
+def test_a_label_without_a_letter_is_told_with_its_key():
+    assert value_name("channel.loss", "20 %").replace("\xa0", " ") == "lost messages = 20 %"
+    assert value_name("channel.loss", "bursts") == "bursts"
+    some = values_named("channel.loss", ["none", "20 %"], "and").replace("\xa0", " ")
+    assert some == "no lost messages and lost messages = 20 %"
+    some = values_named("channel.loss", ["10 %", "20 %"], "or").replace("\xa0", " ")
+    assert some == "lost messages = 10 % or 20 %"
 
 
 def test_latex_typesets_labels_as_they_are(results):

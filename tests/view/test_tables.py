@@ -187,9 +187,9 @@ def test_a_cell_without_attack_is_not_counted_among_those_that_hold():
 def test_warnings_are_of_the_cells_that_are_shown():
     results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
     results.cells["tail_mean_median"] = [1e9, 0.1, 1e9]
-    assert "fleet is lost, in cells 0, 2" in one_line([tables.summary_text(results)])
+    assert "farthest start) in cells 0, 2" in one_line([tables.summary_text(results)])
     assert "fleet is lost" not in tables.summary_text(results, where={"attack.magnitude": 2.0})
-    assert "fleet is lost, in cell 2" in tables.formatted(
+    assert "farthest start) in cell 2" in tables.formatted(
         results, "latex", where={"attack.magnitude": 3.0}
     )
 
@@ -439,6 +439,18 @@ def test_a_slope_is_told_or_why_there_is_none(fit, errors, words):
     fits = {} if fit is None else {("tail_mean", None): fit}
     curve = curve_of(errors[0], fits, **errors[1])
     assert " ".join(slopes.slope_texts(curve)) == words
+
+
+def test_a_lost_fleet_is_told_as_lost():
+    """Whatever its errors are by."""
+    curve = curve_of(2, {("tail_mean", None): (2.2, 2.1, 2.3)}, greater=0.5, width=0.2)
+    swept = systems.study(attack="bias", sweep={"attack.magnitude": [1, 2]}).cells
+    curve = curve._replace(group=Group({}, (*swept,)))
+    text = one_line([slopes.errors_text([curve], [1])])
+    assert "lost - " in text
+    assert "lost: the median error is over 1,000 times ā and the farthest start" in text
+    assert "bent" not in text
+    assert "bent -" in one_line([slopes.errors_text([curve], [2])])
 
 
 def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(monkeypatch):

@@ -48,7 +48,7 @@ from jaxnet.kinds.shapes import (
 from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
-from jaxnet.model.wording import ranges, sets_in_words
+from jaxnet.model.wording import count, ranges, sets_in_words
 
 USUAL_TARGETS = [2, 5, 8, 11]
 MOMENTS = 1_001  # times at which a signal without bound is sampled
@@ -148,8 +148,8 @@ class AnyAttack(Kind):
         """A short description of the attacked vehicles."""
         if periods := self.periods():
             return sets_in_words(*zip(*periods, strict=True))
-        drawn = f"{self.number()} drawn for each lane" if self.number() else "nobody"
-        return ranges(sorted(self.targets())) or drawn
+        drawn = f"{count(self.number(), 'vehicle')} drawn for each lane"
+        return ranges(sorted(self.targets())) or (drawn if self.number() else "nobody")
 
     # --- On which links, and what they carry ------------------------------------------------------
 

@@ -12,13 +12,13 @@ from jaxnet.model.wording import count_between
 from jaxnet.statistics.recovery import attacked_mask
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
-from jaxnet.view.page.compared import named, swept_texts, wins
+from jaxnet.view.page.compared import named, swept_texts
+from jaxnet.view.page.decided import decisions
 from jaxnet.view.page.grid import choices
 from jaxnet.view.page.judged import (
-    JudgedFlags,
+    JudgedLanes,
     fallen_words,
     falling_cells,
-    judged_lanes,
     judged_word,
 )
 from jaxnet.view.page.where import MOST_TOLD, joined_names, where_words
@@ -27,12 +27,11 @@ from jaxnet.view.text.facts import attacked_at_once
 MOST_COMPARED = 20_000  # of two cells; a few seconds
 
 
-def best_sentence(results: Results, flags: JudgedFlags) -> str:
+def best_sentence(results: Results, lanes: JudgedLanes) -> str:
     """The combinations of swept choices that no other beats in any setting, with their numbers.
 
-    Under attack lanes are compared by whether they hold (`fallen`, by cell), then by their errors.
-    With a navigator cells whose errors still fall are left out. "" where all combinations do as
-    well, where another beats each of them, and where lanes are not compared.
+    Lanes are compared under attack, by `decisions`. With a navigator cells whose errors still fall
+    are left out. "" where no combination beats another, and where the best are too many to tell.
     """
     falling = [] if is_leaderless(results.study.cells) else falling_cells(results)
     swept: Any = swept_texts(results)[attacked_mask(results.study.cells)]
@@ -44,12 +43,15 @@ def best_sentence(results: Results, flags: JudgedFlags) -> str:
     if len(combined) * combined.nunique() > 2 * MOST_COMPARED:
         return ""
     left, others = combined, swept.drop(columns=[*kinds])
-    fallen = {cell: each["fallen"] for cell, each in flags.items()}
-    for lanes in (fallen, judged_lanes(results, swept.index, "m")):
-        if won := wins(results, lanes, left, others.loc[left.index]):
-            left = left[~left.isin(won.beaten())]
+    found = decisions(results, lanes, combined, others)
+    beaten = {combined[cell] for (cell, _), each in found.items() if each.better is False}
+    left = combined[~combined.isin(beaten)]
     every, best = combined.drop_duplicates(), left.drop_duplicates().index
-    if not 0 < len(best) < len(every):
+    of = joined_names([*map(key_name, kinds)])
+    several = len(kinds) > 1
+    if left.empty:
+        return f"<b>No {'combination of ' * several}{escape(of)} is best in every setting</b>."
+    if len(best) == len(every):
         return ""
     labels = [results.study.cells[cell].labels for cell in best]
     where = [labels_title({key: each[key] for key in kinds}) for each in labels]
@@ -61,12 +63,11 @@ def best_sentence(results: Results, flags: JudgedFlags) -> str:
         where = choices_words(*chosen)
     if len(where) > MOST_TOLD:
         return ""
-    of = f"{'combination' * (len(kinds) > 1)}{'s' * (len(kinds) > 1 < len(best))}"
-    of = f"{of} of {joined_names([*map(key_name, kinds)])}".removeprefix(" of ")
-    equal = ", none better than another" * (len(best) > 1)
+    equal = ", between which no difference that counts is found" * (len(best) > 1)
+    of = f"combination{'s' * (len(best) > 1)} of {of}" if several else of
     among = ", where errors have settled" * bool(falling)
     told = f"{of}{among}{equal}: {'; '.join(where)}"
-    numbers = numbers_words(results, [*left.index], flags)
+    numbers = numbers_words(results, [*left.index], lanes)
     return f"<b>Best {escape(told)}</b>. {numbers}.{dropping_words(results, [*left.index])}"
 
 
@@ -88,11 +89,10 @@ def dropping_words(results: Results, cells: Sequence[int]) -> str:
     return f" A vehicle may drop all of its {alone}."
 
 
-def numbers_words(results: Results, cells: Sequence[int], flags: JudgedFlags) -> str:
+def numbers_words(results: Results, cells: Sequence[int], lanes: JudgedLanes) -> str:
     """How many lanes of each cell do not hold, and the greatest errors."""
     alone = is_leaderless(results.study.cells)
-    lanes = [flags[cell]["fallen"] for cell in cells]
-    lost, sizes = np.array([[each.sum(), len(each)] for each in lanes]).T
+    lost, sizes = np.array([[lanes[n]["fallen"].sum(), len(lanes[n])] for n in cells]).T
     table: Any = results.cells.reset_index(drop=True).loc[cells]
     median = table[f"{judged_metric(results.study.cells)}_median"].max()
     word = judged_word(results)

@@ -66,6 +66,11 @@ def unbroken(text: str) -> str:
     return re.sub(r"\S+-\S+", NO_WRAP, BEFORE_UNIT.sub(NO_BREAK, escape(text)))
 
 
+def unbroken_names(section: Section) -> Section:
+    """A section in which no line ends inside a name such as W-MSR, which no tag or script has."""
+    return section._replace(body=re.sub(r"\b[A-Z]-[A-Z]+\b", NO_WRAP, section.body))
+
+
 def paragraph(text: str) -> str:
     return f"<p>{text}</p>"
 

@@ -46,7 +46,7 @@ from jaxnet.view.page.judged import (
     held_word,
     is_negligible,
     judged_errors,
-    judged_flags,
+    judged_lanes,
     judged_word,
     known_shares,
     measures_compared,
@@ -67,6 +67,11 @@ MEDIAN_LANE = {  # by `judged_word`
 
 RISING = "<b>Error of the median lane.</b>"
 DETAILS = "Each swept kind: its values compared, with tests"
+AMONG = "groups of cells that differ in ā alone"
+ISOLATED = {  # by column of rows, where vehicles coast or may stop
+    "cut_off_vehicles": "a vehicle was cut off from all its sources",
+    "stopped": "a vehicle came to rest",
+}
 MOVED = 10  # times as far as without an attack
 
 
@@ -78,17 +83,18 @@ def findings_section(
     alone = is_leaderless(cells)
     errors = judged_errors(results, found)
     kinds = [*swept_kinds(results), *choices(cells)]
-    judged = dict.fromkeys(kinds, measures_compared(results, errors))
+    lanes = judged_lanes(results, range(len(cells)))
+    judged = dict.fromkeys(kinds, measures_compared(results, errors, lanes))
     judged.pop("filter", None)
     separated, distances = separation_sentence(results)
     if distances:  # filters are for distances, not for errors
         judged["filter"] = [distances]
     compared = comparisons(results, judged)
-    flags = judged_flags(results, range(len(cells)), outside=True)
-    grid, best = grid_html(results, flags), best_sentence(results, flags)
+    grid, best = grid_html(results, lanes), best_sentence(results, lanes)
     sentences = [
         proved_sentence(results, theory),
         failed_sentence(results),
+        isolated_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in grave_warnings(results)),
         outside_sentence(results) if alone else "",
         "" if grid else unrecovered_sentence(results),
@@ -131,8 +137,27 @@ def failed_sentence(results: Results) -> str:
     if not left or not lanes["ok"]:
         return f"{failed}."
     where = "there" if left == sorted(there) else where_words(results, left)
-    told = f"{failed}. More lanes failed than ended {where}".rstrip()
-    return f"{told}: the errors below leave these cells out."
+    many = "No lane" if not results.cells["ok"].iloc[left].any() else "Few lanes"
+    return f"{failed}. {many} ended {where}".rstrip() + ": these cells have no errors below."
+
+
+def isolated_sentence(results: Results) -> str:
+    """In how many lanes that ended vehicles were cut off, or came to rest, and where."""
+    known = rows.row_columns(results.study.config, results.study.cells).isolation
+    told = []
+    for column, words in ISOLATED.items():
+        if column not in known:
+            continue
+        lanes: dict[int, Any] = {
+            cell: (each[column] > 0).to_numpy()
+            for cell, each in results.by_cell(column, where=rows.OK)
+        }
+        there = [cell for cell, each in lanes.items() if each.any()]
+        if there:
+            many, of = (sum(map(each, lanes.values())) for each in (np.sum, len))
+            where = where_words(results, there)
+            told.append(f"in <b>{many:,} of {of:,} lanes</b> that ended {words} {where}".rstrip())
+    return f"{sentence_case('; '.join(told))}." * bool(told)
 
 
 def nothing_words(results: Results) -> str:
@@ -299,7 +324,8 @@ def metrics_list(results: Results, without: str) -> str:
         ):
             parts.append(f"the greatest lane has {number(greatest)}{unit}")
         if len(endless):
-            parts.append(f"is infinite {where_words(results, endless.tolist())}".rstrip())
+            where = where_words(results, endless.tolist())
+            parts.append(f"is infinite (never reached) {where}".rstrip())
         return f"<li>{escape(sentence_case(meaning(metric)))} {'; '.join(parts)}.</li>"
 
     items = "".join(map(told, asked))
@@ -336,9 +362,9 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
     bounded = [curve for curve in found if sound_limits(curve)]
     shares = [share for share in map(share_of_bound, bounded) if not np.isnan(share)]
     if len(shares) > MOST_TOLD:
-        ends = f"<b>{number_text(min(shares))} to {number_text(max(shares))} %</b>"
-        groups = f"{len(shares)} groups of cells that differ in ā alone"
-        told += f"In {groups} the worst error is {ends} of the least bound (table below). "
+        ends = f"<b>{percent_text(min(shares))} to {percent_text(max(shares))} %</b>"
+        some = "cells" if all(len(curve.cells) == 1 for curve in found) else AMONG
+        told += f"In {len(shares)} {some} the worst error is {ends} of the least bound. "
     elif bounded:
         told += f"Per ā it is {'; '.join(map(bound_words, bounded))}. "
     if bounded and results.file("violations.csv").exists():

@@ -30,14 +30,14 @@ from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.recovery import attacked_mask, confidence_told
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import ROUNDED, error_text
-from jaxnet.view.page.compared import swept_texts, wins
-from jaxnet.view.page.elements import notes_html, paragraph, sentence_case
+from jaxnet.view.page.compared import swept_texts
+from jaxnet.view.page.decided import ABOUT_DECISIONS, decisions
+from jaxnet.view.page.elements import notes_html, paragraph, sentence_case, unbroken
 from jaxnet.view.page.judged import (
-    JudgedFlags,
+    JudgedLanes,
     criterion_text,
     fallen_words,
     falling_cells,
-    judged_lanes,
     judged_word,
     negligible_errors,
     percent_text,
@@ -49,11 +49,8 @@ CONDITIONS = ("attack", "channel.loss", "channel.delay", "channel.noise", "navig
 CONDITIONS += ("channel.quantisation", "sensing", "vehicle", "horizon", "tail", "tick", "engine")
 MOST_ROWS, MOST_COLUMNS, MOST_NUMBERS = 40, 8, 4  # numbers are of a field's cells
 NONE = "none"
-ABOUT_TESTS = {  # by whether any finds a difference
-    True: "better or worse than no {}: by tests of paired lanes, of those that do not hold; without"
-    " a difference, of those that fail or are lost; then of errors",
-    False: "no test of paired lanes finds a field better or worse than no {}",
-}
+COMPARED = "vs none: against no {}, on the same draws (McNemar's and sign tests, 5 %, Holm): {}"
+NOT_DIFFERENT = "no test on the same draws finds a field better or worse than no {}"
 
 
 class GridLayout(NamedTuple):
@@ -85,7 +82,9 @@ class GridLayout(NamedTuple):
     @property
     def listed(self) -> bool:
         """Whether a field lists the numbers of its few cells, which differ in one key."""
-        return len(self.settings) == 1 and len(*self.settings.values()) <= MOST_NUMBERS
+        sizes = {len(cells) for row in self.fields.values() for cells in row.values()}
+        few = [len(values) for values in self.settings.values() if len(values) <= MOST_NUMBERS]
+        return len(self.settings) == 1 and sizes == {*few}
 
 
 def choices(cells: Sequence[Cell]) -> list[str]:
@@ -122,16 +121,16 @@ def layout(cells: Sequence[Cell]) -> GridLayout | None:
     return laid if len(fields) <= MOST_ROWS and len(laid.heads) <= MOST_COLUMNS else None
 
 
-def grid_html(results: Results, flags: JudgedFlags) -> str:
-    """The table with its notes as HTML, "" where it has no place; `flags` are of lanes, by cell."""
+def grid_html(results: Results, lanes: JudgedLanes) -> str:
+    """The table with its notes as HTML, "" where it has no place."""
     laid = layout(results.study.cells)
     if laid is None:
         return ""
     heads = [quantity(key) for key in laid.rows]
     heads += [", ".join(map(value_name, laid.columns, column)) for column in laid.heads]
-    against = against_none(results, laid.optional, flags) if laid.optional else {}
+    against = against_none(results, laid.optional, lanes) if laid.optional else {}
     differ = any(against.values())
-    fields = fields_html(results, laid, flags, against if differ else {})
+    fields = fields_html(results, laid, lanes, against if differ else {})
     lines = []
     for row in laid.fields:
         values = map(value_alone, laid.rows, row)
@@ -141,14 +140,17 @@ def grid_html(results: Results, flags: JudgedFlags) -> str:
     head = "".join(f'<th scope="col">{escape(each)}</th>' for each in heads)
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     table = f'<table class="verdict"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
-    tests = ABOUT_TESTS[differ].format(key_name(laid.optional)) if against else ""
-    caption, *notes = grid_words(results, laid, flags, tests)
+    tests = ""
+    if against:
+        about = ABOUT_DECISIONS[is_leaderless(results.study.cells)]
+        tests = (COMPARED if differ else NOT_DIFFERENT).format(key_name(laid.optional), about)
+    caption, *notes = grid_words(results, laid, lanes, tests)
     box = f'<div class="box" tabindex="0">{table}</div>'
-    return f"{paragraph(escape(caption))}{box}{notes_html(notes)}"
+    return f"{paragraph(unbroken(caption))}{box}{notes_html(notes)}"
 
 
 def fields_html(
-    results: Results, laid: GridLayout, flags: JudgedFlags, against: Mapping[int, str]
+    results: Results, laid: GridLayout, lanes: JudgedLanes, against: Mapping[int, str]
 ) -> dict[tuple[Combination, Combination], str]:
     """Each field: lanes that do not hold, why lanes failed, errors, and what is found `against`."""
     alone, failures = is_leaderless(results.study.cells), failed_kinds(results)
@@ -159,16 +161,14 @@ def fields_html(
     word, tells, found = judged_word(results), has_verdict(results), {}
     for row, mine in laid.fields.items():
         for column, cells in mine.items():
-            shares = pd.Series([100 * flags[cell]["fallen"].mean() for cell in cells])
+            shares = pd.Series([100 * lanes[cell]["fallen"].mean() for cell in cells])
             reasons = sum((failures.get(cell, Counter()) for cell in cells), Counter())
             error = lengths_text(word, medians[cells], laid.listed)
             told = [f"<b>{numbers_text(shares, percent_text, laid.listed)} %</b>" * tells]
-            told.append(counted(reasons))
-            told.append(error)
-            lost = pd.Series([100 * flags[cell]["lost"].mean() for cell in cells])
-            told.append(
-                f"lost {numbers_text(lost, percent_text, laid.listed)} %" * bool(lost.any())
-            )
+            told += [counted(reasons), error]
+            lost = pd.Series([100 * lanes[cell]["lost"].mean() for cell in cells])
+            if lost.any():
+                told.append(f"lost {numbers_text(lost, percent_text, laid.listed)} %")
             if alone:
                 told.append(lengths_text("out", table.loc[cells, "outside_max"], laid.listed))
             told.append(f"{word} still falls" * bool(falling & {*cells}))
@@ -201,39 +201,26 @@ def numbers_text(values: pd.Series, text: Callable[[float], str], listed: bool) 
     return texts[0] if alike else (", " if listed else " to ").join(texts)
 
 
-def against_none(results: Results, key: str, flags: JudgedFlags) -> dict[int, str]:
-    """What tests find of cells against those whose choice is none; "" of no difference.
-
-    The first that differs counts: whether lanes hold, whether they are gone, their errors.
-    """
+def against_none(results: Results, key: str, lanes: JudgedLanes) -> dict[int, str]:
+    """What tests find of cells against those whose choice is none; "" of no difference."""
     texts: Any = swept_texts(results)[attacked_mask(results.study.cells)]
-    fallen = {cell: each["fallen"] for cell, each in flags.items()}
-    gone = {cell: each["lost"] | each["failed"] for cell, each in flags.items()}
-    found = dict[int, str]()
-    for lanes in (fallen, gone, judged_lanes(results, texts.index, "m")):
-        won = wins(results, lanes, texts[key], texts.drop(columns=key))
-        for (better, worse), tests in won.tests.items() if won else ():
-            for test in tests:
-                if worse == NONE:
-                    found[test.better] = found.get(test.better) or "better" * test.found
-                if better == NONE:
-                    found[test.worse] = found.get(test.worse) or "worse" * test.found
-    return found
+    found = decisions(results, lanes, texts[key], texts.drop(columns=key))
+    return {cell: each.words for (cell, other), each in found.items() if texts[key][other] == NONE}
 
 
 def found_words(found: Sequence[str]) -> str:
     told = [
-        f"{word} than none{f' in {many} of {len(found)} cells' * (many < len(found))}"
-        for word, many in Counter(found).items()
-        if word
+        f"{words}{f' in {many} of {len(found)} cells' * (many < len(found))}"
+        for words, many in Counter(found).items()
+        if words
     ]
-    return joined_names(told) or "no difference from none is found" * bool(found)
+    return f"vs none: {'; '.join(told) or 'no difference found'}" * bool(found)
 
 
-def grid_words(results: Results, laid: GridLayout, flags: JudgedFlags, tests: str) -> list[str]:
+def grid_words(results: Results, laid: GridLayout, lanes: JudgedLanes, tests: str) -> list[str]:
     """What a field tells: a caption, then notes on its lines."""
     cells = [cell for row in laid.fields.values() for some in row.values() for cell in some]
-    lost, sizes = np.array([[flags[n]["fallen"].sum(), len(flags[n])] for n in cells]).T
+    lost, sizes = np.array([[lanes[n]["fallen"].sum(), len(lanes[n])] for n in cells]).T
     over = f", over all values of {joined_names([*map(key_name, laid.settings)])}"
     if laid.listed:
         ((key, values),) = laid.settings.items()
@@ -247,9 +234,9 @@ def grid_words(results: Results, laid: GridLayout, flags: JudgedFlags, tests: st
             reach = 100 * max((high - lost / sizes).max(), (lost / sizes - low).max())
             most = f"{number_text(reach)} percentage points from the value"
             notes.append(f"{100 * sure:g} % intervals of these shares reach at most {most}")
-    if any(flags[cell]["lost"].any() for cell in cells):
-        notes.insert(0, f"lost: an error over {LOST:,} times ā and the farthest start")
+    if any(lanes[cell]["lost"].any() for cell in cells):
+        notes.insert(0, f"lost: an error over {LOST:,} times the sum of ā and the farthest start")
     if is_leaderless(results.study.cells):
         notes.insert(0, "out: how far the worst lane of a cell leaves the hull of the starts")
-    lanes = count_between(sizes.tolist(), "lane")
-    return [f"{sentence_case(caption)}{over * bool(laid.settings)}. {lanes} a cell:", *notes]
+    many = count_between(sizes.tolist(), "lane")
+    return [f"{sentence_case(caption)}{over * bool(laid.settings)}. {many} a cell:", *notes]

@@ -15,7 +15,6 @@ from jaxnet.statistics.amplitude import ROUNDING_ERROR, attack_size
 from jaxnet.statistics.horizon import lost_limits
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
 from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
-from jaxnet.statistics.summary import count_in_hull
 from jaxnet.statistics.tiles import lost_name, share_lost
 from jaxnet.store import rows
 from jaxnet.store.results import Results
@@ -23,7 +22,7 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import joined_names, where_words
 
-FAILED = "lanes failed"
+FAILED, OUTSIDE = "lanes failed", "lanes outside the hull"
 NEGLIGIBLE = 1e-3  # of what a study asks for
 
 
@@ -55,7 +54,7 @@ class ComparedBy(NamedTuple):
         return percent_text(value) if self.unit == "%" else error_text(value)
 
 
-JudgedFlags = Mapping[int, Any]  # frames of fallen, lost, failed lanes by sample, by cell
+JudgedLanes = Mapping[int, Any]  # from `judged_lanes`
 
 
 class CellErrors(NamedTuple):
@@ -139,23 +138,34 @@ def settled(results: Results, values: pd.DataFrame) -> pd.DataFrame:
     return values if left.empty else left
 
 
-def judged_flags(
-    results: Results, cells: Iterable[int], *, outside: bool = False
-) -> dict[int, Any]:
-    """Which lanes fall, are lost and failed: a frame by sample of each cell.
+def judged_lanes(results: Results, cells: Iterable[int]) -> dict[int, Any]:
+    """What lanes are judged by: a frame by sample of each cell.
 
-    A lane falls if it fails or does not recover (agree), or leaves the hull if that counts.
+    - `failed`; `lost`: far beyond ā and the starts; `gone`: either
+    - `unrecovered`: failed, or above what the study asks for
+    - `out`: outside the hull of the starts, without a navigator; `way` [m]: how far
+    - `fallen`: unrecovered or out; the others hold
+    - `error` [m]: the mean error, or the spread; 0 where the study asks for no less
     """
     judged, asked = judged_metric(results.study.cells), results.study.config.recovery
-    outside, limits = outside and is_leaderless(results.study.cells), lost_limits(results)
-    columns, found = ["sample", "status", judged, *["outside"] * outside], {}
+    alone, limits = is_leaderless(results.study.cells), lost_limits(results)
+    columns, found = ["sample", "status", judged, *["outside"] * alone], dict[int, Any]()
     for cell, lanes in results.by_cell(*columns, cells={*cells}):
-        mine, failed = results.study.cells[cell], lanes["status"] != "ok"
-        fallen = failed | (lanes[judged] > threshold(mine, asked))
-        if outside:
-            fallen |= lanes["outside"] > mine.scenario.engine.accuracy
-        flags = {"fallen": fallen, "lost": lanes[judged] > limits[cell], "failed": failed}
-        found[cell] = pd.DataFrame(flags).set_axis(lanes["sample"])
+        mine, size = results.study.cells[cell], threshold(results.study.cells[cell], asked)
+        error, failed = lanes[judged], lanes["status"] != "ok"
+        way = lanes["outside"] if alone else 0.0 * error
+        found[cell] = pd.DataFrame(
+            {
+                "failed": failed,
+                "lost": error > limits[cell],
+                "gone": failed | (error > limits[cell]),
+                "unrecovered": failed | (error > size),
+                "out": way > mine.scenario.engine.accuracy,
+                "way": way.mask(way <= mine.scenario.engine.accuracy, 0.0),
+                "error": error.mask(error <= np.fmax(size, ROUNDING_ERROR), 0.0),
+            }
+        ).set_axis(lanes["sample"])
+        found[cell]["fallen"] = found[cell]["unrecovered"] | found[cell]["out"]
     return found
 
 
@@ -188,33 +198,15 @@ def known_shares(results: Results) -> pd.DataFrame:
     return 100 * found.reset_index(drop=True).dropna()
 
 
-def failed_lanes(results: Results) -> ComparedBy | None:
-    """Which lanes failed; None if none did, or all."""
-    lanes = results.manifest["lanes"]
-    if not 0 < lanes["failed"] < lanes["total"]:
-        return None
-    flags: dict[int, Any] = {
-        cell: each.set_index("sample")["status"] != "ok"
-        for cell, each in results.by_cell("sample", "status")
-    }
+def share_compared(
+    lanes: JudgedLanes, column: str, name: str, better: str, worse: str
+) -> ComparedBy | None:
+    """A column of flags to compare values by; None if it has all lanes, or none."""
+    flags = {cell: each[column] for cell, each in lanes.items()}
     values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
-    return ComparedBy(FAILED, "%", "fewer lanes fail", "more lanes fail", values, flags)
-
-
-def lanes_outside(results: Results) -> ComparedBy | None:
-    """Which lanes leave the hull of the honest starts, without a navigator; None if none does."""
-    cells = results.study.cells
-    if not is_leaderless(cells):
+    if not 0 < values.mean() < 100:
         return None
-    flags: dict[int, Any] = {
-        cell: ~pd.Series(count_in_hull(results.study.config, cells[cell], each), each["sample"])
-        for cell, each in results.by_cell("sample", "outside", where=rows.OK)
-    }
-    values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
-    if not values.any():
-        return None
-    better, worse = "fewer lanes leave the hull", "more lanes leave the hull"
-    return ComparedBy("lanes outside the hull", "%", better, worse, values, flags)
+    return ComparedBy(name, "%", better, worse, values, flags)
 
 
 def negligible_errors(results: Results) -> Float[np.ndarray, " cells"]:
@@ -231,10 +223,19 @@ def is_negligible(results: Results, errors: CellErrors) -> bool:
     return errors.unit == "m" and bool(most < least[least > 0].min(initial=np.inf) < np.inf)
 
 
-def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
-    """What the values of a swept kind are compared by; nothing where all errors are negligible."""
-    failed = failed_lanes(results)
-    found = [each for each in (failed, lanes_outside(results)) if each]
+def measures_compared(results: Results, errors: CellErrors, lanes: JudgedLanes) -> list[ComparedBy]:
+    """What the values of a swept kind are compared by; no errors where all are negligible."""
+    flags = (
+        ("failed", FAILED, "fewer lanes fail", "more lanes fail"),
+        ("lost", "lanes lost", "fewer lanes are lost", "more lanes are lost"),
+        (
+            "out",
+            OUTSIDE,
+            "fewer lanes leave the hull",
+            "more lanes leave the hull",
+        ),
+    )
+    found = [each for told in flags if (each := share_compared(lanes, *told))]
     if errors.values.empty or is_negligible(results, errors):
         return found
     word = judged_word(results)
@@ -242,15 +243,15 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
     shares: Any = settled(results, known_shares(results))["value"]
     if results.study.config.recovery is not None and shares.nunique() > 1:
         what, name = held_word(results), f"lanes {lost_name(results)}"
-        lanes = {n: each["fallen"] for n, each in judged_flags(results, shares.index).items()}
+        flagged = {cell: lanes[cell]["unrecovered"] for cell in shares.index}
         better, worse = f"more lanes {what}", f"fewer lanes {what}"
-        found += [ComparedBy(name, "%", better, worse, shares, lanes)]
+        found += [ComparedBy(name, "%", better, worse, shares, flagged)]
     if shares.empty or shares.any():  # else all errors are below what is asked
         values: Any = errors.values["value"]
         unit = errors.unit
-        lanes = judged_lanes(results, values.index, unit)
+        numbers = errors_of_lanes(results, values.index, unit)
         better, worse = f"the {word} is smaller", f"the {word} is greater"
-        found += [ComparedBy(word + ended, unit, better, worse, values, lanes)]
+        found += [ComparedBy(word + ended, unit, better, worse, values, numbers)]
     alone = is_leaderless(results.study.cells)
     name, column = "worst way out of the hull", "outside_max"
     name, column = (name, column) if alone else ("worst vehicle", "tail_max_max")
@@ -261,7 +262,7 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
     return found
 
 
-def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
+def errors_of_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
     """Errors of lanes that ended, by sample; negligible ones are 0."""
     found, sizes = {}, curves.cell_magnitudes(results)
     metric, least = judged_metric(results.study.cells), negligible_errors(results)

@@ -49,6 +49,7 @@ from jaxnet.view.page.elements import (
     paragraph,
     sentence_case,
     sortable_table,
+    unbroken_names,
     views_html,
 )
 from jaxnet.view.page.plots import networks_html, plotted, tiled
@@ -87,10 +88,9 @@ TOO_LARGE = (
     " <code>trajectories.zarr</code>."
 )
 CHOICE_OF_LANES = (
-    "The worst lane of the study is first. The report simulates it again, and the median and the"
-    f" worst lane of {MOST_REPLAYED} cells at most, spread evenly over the study, and the worst"
-    " lanes per ā of cells that differ in ā alone if it asks for recovery. The worst lane has the"
-    " greatest {}; of equal lanes it is the one of the lowest sample."
+    "The worst lane of the study is first: it has the greatest {}. The others are the median and"
+    f" the worst lane of {MOST_REPLAYED} cells at most, spread evenly over the study, and with"
+    " recovery the worst per ā. The report simulates them again."
 )
 OTHER_ENGINE = (
     " Lanes marked “nonlinear engine” are simulated by it, whatever the engine of the study: they"
@@ -107,7 +107,9 @@ def page_sections(results: Results) -> list[Section]:
         found = known_or([], lambda: curves(results))
         of_navigator = not is_leaderless(results.study.cells)
         makers = [
-            lambda results: findings.findings_section(results, found, fit_command(results), theory),
+            lambda results: unbroken_names(
+                findings.findings_section(results, found, fit_command(results), theory)
+            ),
             answer_section,
             makers[-1],
             summary_section,
@@ -426,8 +428,8 @@ def failed_section(results: Results) -> Section | None:
     for cells, told, lanes in groups:
         first: Any = next(results.by_cell(where=~OK, cells=cells[:1]))[1].iloc[0]
         command = results.replay_command(cells[0], int(first["sample"]))
-        row = {"cells": cells_named(cells), "failed": told, "lanes": lanes}
-        rows.append(row | {"of the first": command})
+        row = {"cells": cells_named(cells), "failed": told, "of lanes": lanes}
+        rows.append(row | {"to see the first": command})
     about = [cells for cells, *_ in groups]
     return Section("failed", "Failed lanes", sortable_table(pd.DataFrame(rows), cells=about))
 

@@ -19,8 +19,6 @@ SENSITIVITY_LEGEND = (
     " total: with its interactions. A dash: nothing varies. No interval: few lanes make up"
     " the variance."
 )
-
-
 RARE_TITLES = {
     "share": "share that fails",
     "low": "at least",

@@ -60,7 +60,7 @@ NOTES = {  # of columns whose titles begin so
     "spread": definition(SPREAD),
     "outside": definition(OUTSIDE_HULL),
     "only": "only A off: unrecovered in A and recovered in B; only B off: the reverse",
-    "p": "p of McNemar's exact test: only A off and only B off are equally likely",
+    "p": "McNemar's exact test gives p: only A off and only B off are equally likely",
 }
 
 
@@ -89,7 +89,10 @@ def comparison_columns(found: Comparison) -> list[Column]:
         if name not in table or table[name].isna().all():
             continue
         first, gap, rest = told.partition(" ")
-        column = plain_column(told, table[name].tolist())
+        values = table[name]
+        if name == "p":  # says nothing of no lanes
+            values = values.where(table["saved"] + table["lost"] > 0)
+        column = plain_column(told, values.tolist())
         column = column._replace(title=f"{SHOWN_AS.get(first, first)}{gap}{rest}")
         if stems:
             entries = stored_values(table, [name, f"{stems[0]}_low", f"{stems[0]}_high"])

@@ -141,9 +141,8 @@ def network_lines(case: Case, told: Facts) -> Facts:
     size = f"{count(scenario.vehicles, 'vehicle')}, {count(int(heard.sum()), 'link')}"
     names = [f"{number} {name}" for number, name in enumerate(scenario.topology.vehicle_names(), 1)]
     more = f", … ({len(names)} vehicles)" if len(names) > MOST_NAMED_VEHICLES else ""
-    navigator = (
-        "none: rows measure the spread of honest vehicles, and how far one leaves their first hull"
-    )
+    navigator = "none: rows measure the spread of honest vehicles, and how far one leaves"
+    navigator += " the hull of their starts"
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)
         navigator = f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)"
@@ -313,15 +312,13 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
 def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
     """Robustness of the vehicles without the navigator, and what W-MSR needs of it."""
     s, name = RobustnessBracket(*(each + 1 for each in found.total)), scenario.defence.kind
+    one = "; with one navigator no graph is more than 1-robust" * scenario.navigator.present
     return (
         f"r = {between(found.r)}, s = {between(s)}; {value_name('defence', name)} bears F attackers"
         " among the sources of each vehicle (F-local) if the vehicles alone are r-robust with r ≥"
-        " 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1"
-        + "; with one navigator no graph is more than 1-robust"
-        * scenario.navigator.present
-        + "; r-robust: of any two separate groups of vehicles, one has a vehicle that hears r"
-        " vehicles outside its group; (s, s)-robust: at least s vehicles of the two, or all of"
-        " one, hear s so"
+        f" 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1{one}; r-robust: of any two"
+        " separate groups of vehicles, one has a vehicle that hears r vehicles outside its group;"
+        " (s, s)-robust: at least s vehicles of the two, or all of one, hear s so"
     )
 
 
@@ -375,11 +372,10 @@ def stable(is_stable: bool) -> str:
 
 
 def rms_words(each: np.ndarray, scenario: Scenario) -> str:
-    who = f" (vehicle {int(each.argmax()) + 1})" if np.ptp(each) > 1e-9 * each.max() else ""
-    return (
-        f"; without attack such errors leave at most {each.max():.4g} m rms on each axis in the"
-        f" end{who}"
-    )
+    told = f"{each.max():.4g} m rms"
+    if np.ptp(each) > 1e-9 * each.max():
+        told = f"{each.min():.4g} to {told} (vehicle {int(each.argmax()) + 1})"
+    return f"; without attack such errors leave {told} on each axis in the end"
 
 
 def greatest_delay_words(margin: float, scenario: Scenario) -> str:
@@ -466,11 +462,8 @@ def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:
     line = f"; lies without alarm, in phase, move a vehicle by {found.steady:.4g} m beside errors"
     if np.isfinite(found.most):
         line += f"; such lies about positions move no vehicle by more than {found.most:.4g} m"
-    return (
-        line
-        + "; lies without alarm: these lengths hold while alarms cut nothing"
-        * scenario.detector.acts
-    )
+    held = "; lies without alarm: these lengths hold while alarms cut nothing"
+    return line + held * scenario.detector.acts
 
 
 def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
@@ -496,12 +489,8 @@ def ultimate_words(found: Ultimate, scenario: Scenario) -> str:
     if np.isnan(found.slope):
         told = ", of which Λ is not known here"
     elif found.rounding:
-        rest = (
-            f" + {found.rounding:.3g} m"
-            if np.isfinite(found.rounding)
-            else " and what the tolerance leaves"
-        )
-        told += rest
+        known = np.isfinite(found.rounding)
+        told += f" + {found.rounding:.3g} m" if known else " and what the tolerance leaves"
     premise = "this end holds if no vehicle stands still or is cut off, safe or not"
     return f"‖E‖ ends within ‖H‖₁ γ Λ h{told}; {premise}"
 

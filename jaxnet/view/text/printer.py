@@ -25,16 +25,12 @@ if TYPE_CHECKING:
 MEDIAN_ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go last
 WORST_ERRORS = ("tail_max_max", "in_hull", "only A off", "only B off")  # that go just before
 LEAST_TITLE, MOST_LINES = 9, 3  # letters of a line of a title, and its lines
-LEAST_LABEL, FREE_LABEL = (
-    14,
-    24,
-)  # letters that a label is wrapped to, at least; where there is room
+LEAST_LABEL, FREE_LABEL = 14, 24  # letters that a label is wrapped to: at least, with room
 GAP = 2  # letters between columns
 NUMBER = re.compile(r"(> )?-?(\d|inf|nan).*|-|")
 
-TableColumns = Mapping[
-    Any, Sequence[object]
-]  # values by title; of a pandas table, `to_dict("list")`
+# Values by title; of a pandas table, `to_dict("list")`.
+TableColumns = Mapping[Any, Sequence[object]]
 
 
 def table_text(

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxnet.config.naming import worded
 from jaxnet.model.wording import number_text
-from jaxnet.statistics import intervals
+from jaxnet.statistics import horizon, intervals
 from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
@@ -30,9 +30,10 @@ BOUNDS_LEGEND = (
     "{}: bounds of theory for any vehicle, each of which holds for this attack; a dash: no bound is"
     " known"
 )
-FLAT, BENT, FAILED, ONE_MAGNITUDE = "flat", "bent", "all failed", "one ā: "
+LOST, FLAT, BENT, FAILED, ONE_MAGNITUDE = "lost", "flat", "bent", "all failed", "one ā: "
 NO_INTERVAL, ALIKE = "[-]", "(alike)"
 SLOPE_NOTES = {  # by a text of a table
+    LOST: f"lost: the median error is over {horizon.LOST:,} times ā and the farthest start",
     FLAT: "flat: errors of greater ā are not greater",
     BENT: "bent: errors rise with ā, but not in proportion",
     ALIKE: "(alike): all lanes have the same error per ā",
@@ -43,7 +44,7 @@ SLOPE_NOTES = {  # by a text of a table
 
 def fit_text(results: Results) -> str:
     found, cells = curves(results), results.study.cells
-    parts = [errors_text(found)]
+    parts = [errors_text(found, horizon.lost_cells(results, "tail_mean_median"))]
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
     told = no_magnitudes(found), falling_words(results, cells), lowered_words(results, cells)
@@ -51,11 +52,11 @@ def fit_text(results: Results) -> str:
     return "\n\n".join(filter(None, parts))
 
 
-def errors_text(found: Sequence[Curve]) -> str:
-    """The mean error, the worst error and its bounds for each group, with notes."""
+def errors_text(found: Sequence[Curve], lost: Sequence[int] = ()) -> str:
+    """The mean error, the worst error and its bounds for each group, with notes; `lost` cells."""
     if not any(curve.fits or curve.bounds for curve in found):
         return ""
-    table, labels = group_columns([(curve, curve_texts(curve)) for curve in found])
+    table, labels = group_columns([(curve, curve_texts(curve, lost)) for curve in found])
     unknown = [title for title in BOUND_TITLES.values() if {*table[title]} == {"-"}]
     table = {name: values for name, values in table.items() if name not in unknown}
     shown = fitted_columns(table, labels, DROP_ORDER)
@@ -67,9 +68,9 @@ def errors_text(found: Sequence[Curve]) -> str:
     return "\n".join(lines)
 
 
-def curve_texts(curve: Curve) -> dict[str, str]:
+def curve_texts(curve: Curve, lost: Sequence[int] = ()) -> dict[str, str]:
     """A row of the table; without a bound, an error that is not proportional to ā is in metres."""
-    mean, ends = slope_texts(curve)
+    mean, ends = slope_texts(curve, bool({*lost} & {*curve.group.attacked}))
     bounds = {title: size_text(curve.slope(name, "worst")) for name, title in BOUND_TITLES.items()}
     worst = size_text(curve.worst)
     if {*bounds.values()} == {"-"} and (curve.is_bent("tail_max") or curve.is_flat("tail_max")):
@@ -82,10 +83,11 @@ def size_text(slope: float) -> str:
     return "-" if np.isnan(slope) else f"{number_text(without_rounding(slope, 1.0))} ā"
 
 
-def slope_texts(curve: Curve) -> tuple[str, str]:
+def slope_texts(curve: Curve, lost: bool = False) -> tuple[str, str]:
     """The slope of the mean error over ā, or a word for why it has none, and its interval."""
     why = {
         FAILED: not curve.ended.any(),
+        LOST: lost,
         FLAT: curve.is_flat("tail_mean"),
         BENT: curve.is_bent("tail_mean"),
     }
@@ -126,7 +128,7 @@ def violations_text(results: Results) -> str:
         lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.file('violations.csv')}")
     attacked = sum(cell.scenario.attack.present for cell in cells)
     if not lines and sum(map(len, unchecked(cells).values())) < attacked:
-        lines.append("no lane is above its bound of theory")
+        lines.append("no lane with a bound is above it")
     if words := unchecked_words(cells):
         lines.append(filled(f"no bound is known for {words}"))
     if unclipped := unclipped_words(results):

@@ -25,12 +25,7 @@ from jaxnet.statistics.intervals import LEAST_LANES, below_greatest
 from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition, share_failed
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.summary import (
-    UNSETTLED_NOTE,
-    hull_note,
-    lane_shares,
-    unsettled_shares,
-)
+from jaxnet.statistics.summary import UNSETTLED_NOTE, hull_note, lane_shares, unsettled_shares
 from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
@@ -339,9 +334,8 @@ def stop_reason(results: Results) -> str:
         words += "no attacked lane came to its end"
     else:
         wide = int((halves > samples.until.half_width).sum())
-        why = (
-            f"and no more samples are allowed ({count(wide, 'cell')})" if wide else "narrow enough"
-        )
+        more = f"and no more samples are allowed ({count(wide, 'cell')})"
+        why = more if wide else "narrow enough"
         share = recovery.share_name(results.study.cells)
         words += f"the widest interval of the share {share} is ± {halves.max():.2g}, {why}"
     return words

@@ -34,7 +34,8 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
     for name in (name for name, line in lines.items() if UNSTABLE in line):
         yield 0, f"WARNING: unstable, deviations grow (line `{name}`)"
     if scenario.attack.present and scenario.leaderless:
-        yield (1, "Guarantee: honest vehicles agree") if agreed else NO_AGREEMENT
+        inside = "Guarantee: honest vehicles agree inside the box of their starts"
+        yield (1, inside) if agreed else NO_AGREEMENT
     elif scenario.attack.present:
         reasons = found["safe"].reasons if "safe" in found else ()
         safe = np.any([each.vehicles for each in reasons] or [[False]], axis=0)
@@ -70,10 +71,10 @@ def verdict_lines(first: Sequence[str], said: Sequence[tuple[Claim, int]], cells
     where: dict[Claim, list[int]] = {}
     for claim, number in said:
         where.setdefault(claim, []).append(number)
-    every, places = sorted(where), Counter(place for place, _ in where)
-    some = [each for each in every if each not in NOTHING or places[each[0]] == 1]
+    places = Counter(place for place, _ in where)
+    some = [each for each in sorted(where) if each not in NOTHING or places[each[0]] == 1]
     few = WIDEST // 2
-    for most, shown in ((WIDEST, every), (few, some), (few, some[:-1]), (0, some), (0, some[:-1])):
+    for most, shown in ((WIDEST, some), (few, some), (few, some[:-1]), (0, some), (0, some[:-1])):
         told = [f"{each[1]}{placed(where[each], cells, most)}." for each in shown]
         lines = [line for each in (*first, *told) for line in filled(each).splitlines()]
         if len(lines) <= VERDICT_LINES:

@@ -8,27 +8,29 @@ import pandas as pd
 from jaxnet.config.cells import is_leaderless
 from jaxnet.config.keys import SearchSettings
 from jaxnet.config.naming import choices_words, key_name, quantity, worded
+from jaxnet.explore.box import places_of
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES
 from jaxnet.statistics.recovery import criterion_words
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_text
 from jaxnet.view.text.width import filled
 
 LENGTHS = {  # columns of worst.csv that are told per ā, with their titles
+    "greatest": "greatest tried",
     "found": "found by the search",
     "late": "found, later",
-    "greatest": "greatest tried",
     "random": "worst random lane",
     "bound": "bound of theory",
-    "fresh": "other starts, mean",
-    "fresh_low": "other starts, 5 %",
+    "fresh": "other draws, mean",
+    "fresh_low": "other draws, 5 %",
     "nonlinear": "found, nonlinear engine",
 }
 SEARCH_LANES = "lanes of the search"
-LESS_ASKED = ("fresh_low", "greatest", "nonlinear", "fresh")
-SEARCH_DROP_ORDER = ((SEARCH_LANES,), *((LENGTHS[name],) for name in LESS_ASKED))
+SEARCH_DROP_ORDER = [[SEARCH_LANES], *([LENGTHS[n]] for n in ("fresh_low", "nonlinear", "fresh"))]
 
 
 def search_text(results: Results) -> str:
@@ -48,16 +50,24 @@ def search_notes(results: Results) -> list[str]:
     """What the columns of `worst_rows` are."""
     asked = asked_search(results)
     late = " or ".join(f"{time:g} s" for time in sorted(set(results.worst["until"])))
-    start = "one start" if asked.starts == 1 else f"{asked.starts:,} starts, their mean"
-    over = ", ".join(map(key_name, asked.over))
+    draw = "one draw" if asked.starts == 1 else f"{asked.starts:,} draws, their mean,"
+    others, over = known_or("", lambda: drawn_words(results)), ", ".join(map(key_name, asked.over))
     return [
-        f"found by the search: the worst choice from {start}, over {over}; later: the same choice"
-        f" at {late}, when transients have died away",
-        "worst random lane: the worst of as many random choices, each from one random start; it may"
-        " exceed what was found, from a worse start",
-        "other starts: the found choice from 10,000 further starts",
+        f"greatest tried: the worst choice over {over}, from {draw} of all else{others}; found by"
+        f" the search: of the best choices the worst at {late}; later: the same choice then",
+        "worst random lane: the worst of as many random choices, each from a draw of its own",
+        "other draws: the found choice from 10,000 other draws of all else",
         *filter(None, [bounds_told(results)]),
     ]
+
+
+def drawn_words(results: Results) -> str:
+    """What lanes of a search draw in the first cell, beside what it chooses."""
+    over, source = asked_search(results).over, Keyed(0)
+    names = sorted({place.name for place in places_of(results.study.cells[0].scenario, source)})
+    told = [key_name(name.removesuffix(".key")) for name in names if name not in over]
+    first = "in cell 0: " * (len(results.study.cells) > 1)
+    return f" ({first}{', '.join(told)})" * bool(told)
 
 
 def bounds_told(results: Results) -> str:
@@ -73,24 +83,22 @@ def bounds_told(results: Results) -> str:
 
 
 def limit_lines(results: Results) -> list[str]:
-    """Limits of `subject_to`, how many further starts fulfil them, and where no choice does."""
+    """Limits of `subject_to`, how many further draws fulfil them, and where no choice does."""
     asked = asked_search(results)
     limits, part = asked.subject_to, asked.may_exceed
     found: Any = results.worst
     if not limits:
         return []
     told = ", ".join(f"{name} ≤ {most:g}" for name, most in limits.items())
-    where = f"at least {1 - part:.3g} of the starts" if part else "every start"
+    where = f"at least {1 - part:.3g} of the draws" if part else "every draw"
     lines = [f"subject to {told} from {where} of the search"]
     none = found["found"].isna()
     shares = found["fresh_allowed"][~none].dropna()
     if len(shares):
-        lines.append(f"of other starts {shares.min():.1%} to {shares.max():.1%} fulfil it")
+        lines.append(f"of other draws {shares.min():.1%} to {shares.max():.1%} fulfil it")
     if none.any():
         cells = cells_named(found["cell"][none].tolist()) if len(found) > 1 else "the study"
-        lines.append(
-            f"no choice that was tried in {cells} fulfils it: search where more of them do"
-        )
+        lines += [f"no choice that was tried in {cells} fulfils it: search where more of them do"]
     return ["; ".join(lines)]
 
 
@@ -136,7 +144,6 @@ def worst_rows(results: Results) -> pd.DataFrame:
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
         lengths = lengths.drop(columns=["bound"])
     swept = pd.DataFrame([worded(results.study.cells[number].labels) for number in found["cell"]])
-    who, lanes = found[["cell"]].join(swept).join(found["attacked"]), found["lanes"]
-    return pd.concat(
-        [who, lengths.rename(columns=LENGTHS), lanes.rename(SEARCH_LANES)], axis="columns"
-    )
+    who = found[["cell"]].join(swept).join(found["attacked"])
+    lanes = found["lanes"].rename(SEARCH_LANES)
+    return pd.concat([who, lengths.rename(columns=LENGTHS), lanes], axis="columns")
