@@ -444,7 +444,7 @@ def test_a_figure_without_data_says_what_gives_them(tmp_path):
     ):
         bare.plot.curve(y="unrecovered")
     recovering = jaxnet.simulate({**plain, "recovery": {"tau": 0.01}}, samples=3)
-    assert recovering.plot.curve().axes[0].get_xlabel() == "lanes unrecovered\N{NO-BREAK SPACE}[%]"
+    assert recovering.plot.curve().axes[0].get_xlabel() == "lanes unrecovered [%]"
 
 
 def test_results_are_shown_in_few_words(results):

@@ -246,11 +246,14 @@ def test_one_figure_is_drawn_by_name(finished, tmp_path):
 
 
 def test_report_draws_the_figures(finished, monkeypatch):
-    """Each as PNG and PDF; the page is opened if it is asked for."""
+    """Each as PNG and PDF, and no stale ones; the page is opened if it is asked for."""
     out, _ = finished
     pages = []
     monkeypatch.setattr(webbrowser, "open", lambda page: pages.append(page) or True)
     monkeypatch.setattr(watched, "lanes_again", lambda results: 7)
+    (out / "figures").mkdir(exist_ok=True)
+    for stale in ("curve_median", "heat"):  # of an earlier version, and of data that are not there
+        (out / "figures" / f"{stale}.png").touch()
     done = jaxnet_does("report", out, "--open")
     assert done.exit_code == 0, done.stderr
     assert pages == [(out / "report.html").as_uri()]

@@ -23,6 +23,7 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.model.wording import cells_named
+from jaxnet.statistics.horizon import Named
 from jaxnet.store.results import Results
 
 CHANGES = (0.05, 0.2)  # of the error; what is smaller is no change
@@ -48,7 +49,7 @@ def still_falls(
     return np.nan if len(known) < TOO_FEW and falls > rises else 0.0
 
 
-def falling_words(results: Results, cells: Sequence[Cell]) -> str:
+def falling_words(results: Results, cells: Sequence[Cell], named: Named | None = None) -> str:
     """Tell which cells still fall or may; "" of none, and of a folder of an earlier version."""
     if "falling" not in results.cells:
         return ""
@@ -63,12 +64,13 @@ def falling_words(results: Results, cells: Sequence[Cell]) -> str:
     found = [cell for each in told.values() for cell in each]
     if not found:
         return ""
-    words = [f"{those_of(each, cells)} {what}" for what, each in told.items() if each]
+    words = [f"{those_of(each, cells, named)} {what}" for what, each in told.items() if each]
     longer = LONGER * max(cell.scenario.horizon for cell in found)
     return f"{'; '.join(words)}. Try a longer run: horizon: {longer:g}"
 
 
-def those_of(found: Sequence[Cell], cells: Sequence[Cell]) -> str:
+def those_of(found: Sequence[Cell], cells: Sequence[Cell], named: Named | None) -> str:
+    numbers = [cell.number for cell in found]
     if len(found) == len(cells):
         return "in all cells"
-    return f"in {cells_named([cell.number for cell in found])} of {len(cells):,}"
+    return f"in {named(numbers) if named else f'{cells_named(numbers)} of {len(cells):,}'}"

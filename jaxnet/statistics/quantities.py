@@ -160,6 +160,13 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     return found._replace(lanes=table.loc[known, of].tolist(), unended=unended)
 
 
+def values_told(some: Sequence[Cell], cells: Sequence[Cell]) -> str:
+    """The swept values that some of these cells have, of many the first."""
+    where = choices_words([cell.labels for cell in some], [cell.labels for cell in cells])
+    where[MOST_UNENDED:] = ["…"] * (len(where) > MOST_UNENDED)
+    return " / ".join(where)
+
+
 def unended_words(results: Results, cells: Sequence[Cell]) -> str:
     """Which of these cells have no lane that ended, so no point in a figure, or few, and why."""
     ended, kinds, failed = (
@@ -171,10 +178,8 @@ def unended_words(results: Results, cells: Sequence[Cell]) -> str:
     few = [cell for cell in cells if cell.number in failed and cell not in lost]
 
     def told(words: str, some: Sequence[Cell]) -> str:
-        where = choices_words([cell.labels for cell in some], [cell.labels for cell in cells])
-        where[MOST_UNENDED:] = ["…"] * (len(where) > MOST_UNENDED)
         why = sum((kinds.get(cell.number, Counter()) for cell in some), Counter[str]())
-        return f"{words}: {' / '.join(where)} ({counted(why)})"
+        return f"{words}: {values_told(some, cells)} ({counted(why)})"
 
     parts = {"no lane ended": lost, "most lanes failed": few}
     return "; ".join(told(words, some) for words, some in parts.items() if some)

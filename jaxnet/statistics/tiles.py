@@ -11,7 +11,7 @@ from jaxtyping import Int
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import NO_BREAK
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.model.wording import RESULT_DIGITS, count_between, counted, number_text
+from jaxnet.model.wording import count_between, counted, number_text
 from jaxnet.statistics.amplitude import attack_size, without_rounding
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
 from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kinds
@@ -22,6 +22,7 @@ from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 NO_CELL = -1
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SHORT_ERRORS = 0.01, 1e5  # between which a tile has room for them without their power of ten
 
 
@@ -146,5 +147,7 @@ def tile_text(metric: str, value: float, size: float = 1.0) -> str:
     if SHORT_ERRORS[0] <= value < SHORT_ERRORS[1]:
         return number_text(value)
     value = without_rounding(value, size)
-    text = f"{value:.{RESULT_DIGITS - 1}e}".replace("e+", "e").replace("e0", "e")
-    return text.replace("e-0", "e-") if value else "0"
+    if not 0 < value < np.inf:
+        return f"{value:g}"
+    digits, power = f"{value:.1e}".split("e")
+    return f"{digits}×10{str(int(power)).translate(SUPERSCRIPTS)}"

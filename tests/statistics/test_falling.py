@@ -150,7 +150,7 @@ def test_a_transient_is_told_wherever_results_are(short, undrawn, monkeypatch):
     short.fit()
     assert TOLD in one_line(fit_text(short))
     for figure in (short.plot.curve(), short.plot.tails(), short.plot.ultimate()):
-        assert "cells 0, 1" in one_line(figure.get_supxlabel())
+        assert "in ā = 0.1 and 1 m errors still fall" in one_line(figure.get_supxlabel())
     page = short.report(replay=False).read_text()
     assert page.count("still fall when the run ends") == 1  # in the findings, not again below
 

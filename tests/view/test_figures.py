@@ -27,7 +27,6 @@ from jaxnet.view.figures import FIGURE_NAMES, every, multiples, panels, style, t
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import sections
 from jaxnet.view.page.plots import plotted
-from jaxnet.view.text import tables
 from tests import systems
 
 SAVED = {"errors": True, "trajectories": "all"}
@@ -62,7 +61,7 @@ def test_panels(results):
     written = [text.get_text() for text in figure.legends[0].get_texts()]
     attacked = ["attacked vehicle", "false place in messages"]
     graphs = ["error, star", "error, cyclic"]
-    assert written == ["navigator", "vehicle", *attacked, "start", "end", *graphs]
+    assert {*written} == {"navigator", "vehicle", *attacked, "start", "end", *graphs}
     for place, axes in enumerate(planes):  # 12 vehicles with path, start and end, the navigator
         told = [line.get_xydata() for line in axes.lines if line.get_color() == style.RED]
         assert len(axes.lines) == 37 + 4 * (place > 1)
@@ -113,17 +112,17 @@ def test_a_false_place_that_stands_still_has_a_mark(tmp_path):
     assert "attack: path of its own, ā = 5 m" in plain(panel.get_ylabel()).replace("\n", " ")
 
 
-def test_a_curve_warns_as_the_terminal_does(results):
+def test_a_curve_warns_of_errors_that_are_not_ultimate(results):
     """Where errors may still fall or the fleet is lost, of the cells that are drawn."""
     found = jaxnet.open(results.path)
     vars(found)["cells"] = found.cells.assign(tail_mean_median=1e12, falling=1.0)
-    warnings = tables.grave_warnings(found)
-    assert len(warnings) == 2
+    warnings = "farthest start) in all", "errors still fall when the run ends"
     for y, is_told in (("tail_mean", True), ("tail_max_q95", True), ("failed", False)):
         told = plain(found.figure("curve", y=y).get_supxlabel().replace("\n", " "))
         assert [each in told for each in warnings] == [is_told] * 2, y
     told = found.figure("curve", {"topology": "cyclic"}).get_supxlabel().replace("\n", " ")
-    assert "farthest start) in cells 2, 3" in told
+    assert "farthest start) in all" in told
+    assert "cell " not in told  # values instead of numbers
 
 
 def test_topologies(results):
@@ -156,15 +155,27 @@ def test_lanes_that_failed_are_seen(tmp_path):
     for name, options in (("curve", {"y": "tail_mean"}), ("tails", {})):
         figure = results.figure(name, **options)
         crosses = [line for line in figure.axes[0].lines if line.get_marker() == "x"]
-        ends = {"curve": figure.axes[0].get_ylim(), "tails": figure.axes[0].get_xlim()}[name]
+        axis = figure.axes[0].yaxis if name == "curve" else figure.axes[0].xaxis
         of = "get_ydata" if name == "curve" else "get_xdata"
         at = np.concatenate([getattr(line, of)() for line in crosses])
-        assert len(at) == 2
-        assert (at >= ends[1] / 1.6).all()
+        texts = [label.get_text().strip() for label in axis.get_ticklabels()]
+        *numbers, band = axis.get_majorticklocs()
+        assert (texts[-1], at.tolist()) == ("none ended", [band] * 2)  # at no number
+        assert max(numbers) < band < axis.get_view_interval()[1]
         assert [each.get_text() for each in figure.legends[0].get_texts()][-1] == "no lane ended"
     page = sections.answer_section(results).body
     assert "x-thin-open" in page
     assert '"name":"no lane ended"' in page
+    assert page.count('"none ended"') == 1
+
+
+def test_vehicles_drawn_for_each_lane_are_told_beside_the_graph():
+    """Their number, for no vehicle is marked; of listed ones nothing is told."""
+    for vehicles, told in (({"random": 2}, "2 attacked vehicles drawn for each lane"), ([3], "")):
+        attack = {"kind": "rotating", "magnitude": 5, "vehicles": vehicles}
+        drawn = topology.topology_figure(systems.study(attack=attack, topology="complete").cells)
+        assert ("drawn for each lane" in drawn.get_supxlabel()) is bool(told)
+        assert told in drawn.get_supxlabel()
 
 
 def test_links_of_the_navigator_stand_out():

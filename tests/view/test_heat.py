@@ -164,16 +164,16 @@ def test_a_share_reads_the_same_everywhere(value, words):
         (3.14159, "3.14"),
         (0.114, "0.114"),
         (0.01234, "0.0123"),
-        (7.234e-4, "7.23e-4"),
+        (7.234e-4, "7.2×10⁻⁴"),
         (1e-12, "0"),
         (8274.4, "8274"),
-        (253038.0, "2.53e5"),
-        (2.1e16, "2.10e16"),
+        (253038.0, "2.5×10⁵"),
+        (2.1e16, "2.1×10¹⁶"),
         (np.inf, "inf"),
     ],
 )
 def test_a_tile_has_room_for_small_and_great_errors(value, words):
-    """With three digits and the power of ten; below 1e-9 of ā they are rounding."""
+    """Three digits, or two and the power of ten; below 1e-9 of ā they are rounding."""
     assert tiles.tile_text("worst", value) == words
 
 
@@ -187,12 +187,12 @@ def test_rounding_is_zero_in_text_figure_and_page():
     results = made(study, spread_max=spread, spread_median=spread)
     table = tiles.tile_table(results)
     texts = [tiles.tile_text("worst", *row) for row in table[["worst", "size"]].to_numpy()]
-    assert texts == ["3.61e-9", "0"] * 2
+    assert texts == ["3.6×10⁻⁹", "0"] * 2
     (shown,) = columns.summary_columns(results, ["spread_max"])[-1:]
     assert shown.texts() == ["3.61e-09", "0"] * 2
     drawn = heat.heat_drawing(results, tiling(study.cells), "worst")
     tile = drawn.panels[0].tiles
-    assert sorted({*tile.texts.ravel()}) == ["0", "3.61e-9"]
+    assert sorted({*tile.texts.ravel()}) == ["0", "3.6×10⁻⁹"]
     assert all(
         ("0 (rounding)" in words) == ("ā = 10" in plain(words)) for words in tile.told.ravel()
     )
@@ -303,7 +303,9 @@ def test_a_lost_fleet_does_not_take_the_colours_from_the_others():
     section = sections.heat_section(results)
     assert section is not None
     assert text in section.body
-    assert "<span>greatest tail error / ā</span><span>0.01</span><i" in section.body
+    assert "<span>greatest tail error / ā</span><span>≤ 0.01</span><i" in section.body
+    bar = figure.axes[-1]
+    assert [label.get_text()[0] for label in bar.get_xticklabels()][-2:] == ["≤", "≥"]
     assert power_text(1e5) == "10<sup>5</sup>"
     results.cells["tail_max_max"] = np.geomspace(0.3, 30, 12)
     assert heat.BEYOND_COLOURS not in plain(drawn(results, "worst").get_supxlabel())

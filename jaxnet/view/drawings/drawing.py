@@ -26,6 +26,7 @@ BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
 BOUNDS_TOLD = "coloured lines: bounds of theory"
 FITS_TOLD = "grey lines, at a height s: error = s ā, fitted to the lanes"
 MOVED_NOTE = "points at one value stand side by side"
+OUTSIDE, BAND = "outside", (0.15, 0.27)  # of an axis, from its end to a band's middle and end
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
@@ -58,6 +59,8 @@ def colours_of(values: Sequence[Label]) -> list[Look]:
 class Trace(NamedTuple):
     """Points of one name: a "line", "steps", "points", "both", or a "band" from `low` to `high`.
 
+    "Outside" points have no value: they stand in the axis' band beyond its end.
+
     Error bars reach from `low` to `high`: along y, along x in a drawing of named rows. They are all
     that is seen of a "range". A "level" is a line across the panel. Values are as computed; what is
     below the floor of a log axis stands there, but for a "slope", which leaves the axis.
@@ -77,7 +80,7 @@ class Trace(NamedTuple):
     @property
     def barred(self) -> bool:
         """Whether it has error bars."""
-        few = self.form == "points" or (self.form == "both" and len(self.x) <= MOST_BARS)
+        few = self.form in ("points", OUTSIDE) or (self.form == "both" and len(self.x) <= MOST_BARS)
         return self.low is not None and few
 
     @property
@@ -114,6 +117,7 @@ class Scale(NamedTuple):
     floor: float = LOG_FLOOR
     top: float = GREATEST_SHOWN
     labels: Sequence[Mapping[str, Label]] = ()  # of the names, if swept values make them
+    band: str = ""  # names the band beyond the end, if there is one
 
     @property
     def unit(self) -> str:
@@ -139,13 +143,20 @@ class Scale(NamedTuple):
         return self._replace(ends=(low, min(high, ROOM_ABOVE * top)), floor=low, top=top)
 
     @property
-    def last(self) -> float:
+    def beyond_end(self) -> tuple[float, float]:
+        """Middle and end of the band."""
         assert self.ends is not None
-        return min(self.ends[1], self.top)
+        low, high = self.ends
+        near, far = (high + part * (high - low or 1.0) for part in BAND)
+        if self.log:
+            near, far = (high * (high / low) ** part for part in BAND)
+        return near, far
 
-    def within(self, values: Any) -> Any:
-        """Values as a log axis shows them."""
-        if values is None or not self.log:
+    def within(self, values: Any, form: str = "") -> Any:
+        """Values of a series of this form as the axis shows them."""
+        if form == OUTSIDE:
+            return np.full(len(values), self.beyond_end[0])
+        if values is None or not self.log or form == "slope":
             return values
         return np.clip(values, self.floor, self.top)
 
@@ -227,7 +238,7 @@ class Drawing(NamedTuple):
 
     @property
     def values(self) -> Scale:
-        return self.x if self.y.names else self.y
+        return self.colours or (self.x if self.y.names else self.y)
 
     def parted(self, series: Trace) -> list[Trace]:
         """The points within the axis, and apart, hollow, those beyond, to which no line leads."""
@@ -245,6 +256,7 @@ class Drawing(NamedTuple):
     def beyond(self, panels: Sequence[Panel]) -> Beyond:
         series = [each for panel in panels for each in panel.series if each.form != "slope"]
         shown = [each.x if self.y.names else each.y for each in series]
+        shown += [panel.tiles.values for panel in panels if panel.tiles is not None]
         shown += [end for each in series if not each.barred for end in (each.low, each.high)]
         sides = [self.values.is_beyond(each) for each in shown if each is not None]
         return any(np.any(low) for low, _ in sides), any(np.any(high) for _, high in sides)

@@ -20,9 +20,9 @@ from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
-from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, colours_of
+from jaxnet.view.drawings.drawing import OUTSIDE, Drawing, Look, Panel, Scale, Trace, colours_of
 from jaxnet.view.drawings.scene import attacked_vehicles
-from jaxnet.view.drawings.words import NO_LANE, distinct_titles
+from jaxnet.view.drawings.words import NO_LANE, NONE_ENDED, distinct_titles
 from jaxnet.view.figures import style
 
 JUDGED_WORDS = {
@@ -85,9 +85,9 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     x = Scale(JUDGED_WORDS[metric], log_ends(*dots), log=True).cut(*dots)
     ok = results.cells["ok"].to_numpy()
     for _, mine, drawn in panels:
-        rows_lost = np.flatnonzero(ok[mine] == 0)
-        ends = np.full(len(rows_lost), x.last)
-        drawn += [Trace(NO_LANE, UNENDED, ends, rows_lost, "points")] * bool(len(rows_lost))
+        if (lost := np.flatnonzero(ok[mine] == 0)).size:
+            drawn.append(Trace(NO_LANE, UNENDED, np.full(lost.size, np.nan), lost, OUTSIDE))
+            x = x._replace(band=NONE_ENDED)
     panels = [Panel(*each) for each in panels]
     y = Scale("", names=titles, labels=labels)
     return Drawing(panels, x, y, notes, there=(there, "cells"), where="lanes/")

@@ -26,7 +26,7 @@ from jaxnet.statistics.quantities import VALUE_COLUMNS, Quantity, asked_quantity
 from jaxnet.store.results import Results
 from jaxnet.view.drawings import drawing
 from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Look, Panel, Scale, Trace
-from jaxnet.view.drawings.words import NO_LANE
+from jaxnet.view.drawings.words import NO_LANE, NONE_ENDED
 
 ROW_SHARE = 0.7  # of a named row, that its colours take
 
@@ -59,6 +59,8 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
     rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""],
                  labels=labels)  # fmt: skip
     shown = Scale(found.axis, found.ends, found.log, found.share).cut(found.known)
+    if {cell.number for cell in cells} & {*found.unended}:
+        shown = shown._replace(band=NONE_ENDED)
 
     def series(place: int, mine: Sequence[Cell]) -> list[Trace]:
         labels = [cell.labels[x] if x else 0 for cell in mine]
@@ -72,12 +74,11 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         points = (where, value, "both") if numbers else (value, where + shift, "points")
         seen = Trace(names[place], looks[place], *points, low, high, about, sizes=sizes)
         lost = np.isin(about, found.unended)
-        where, ends = where[lost], np.full(lost.sum(), shown.last)
-        points = (where, ends) if numbers else (ends, where + shift)
-        look, unknown = looks[place]._replace(marker="x", size=5), np.nan * ends
-        crosses = Trace(
-            NO_LANE, look, *points, "points", unknown, unknown, np.array(about)[lost].tolist()
-        )
+        where, none = where[lost], np.full(lost.sum(), np.nan)
+        points = (where, none) if numbers else (none, where + shift)
+        look = looks[place]._replace(marker="x", size=5)
+        about = np.array(about)[lost].tolist()
+        crosses = Trace(NO_LANE, look, *points, drawing.OUTSIDE, none, none, about)
         return [seen, *[crosses] * bool(lost.any())]
 
     panels = []

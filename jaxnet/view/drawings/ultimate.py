@@ -17,13 +17,12 @@ BOUND_LOOKS = {
     "harmonic": Look(style.BROWN, (8, 2)),
     "peak_gain": Look(style.BLUE, (4, 1.5)),
     "star_norm": Look(style.PURPLE, (1, 1.2)),
-    "lyapunov_best": Look(style.ORANGE, (2, 3)),
+    "lyapunov_best": Look(style.ORANGE, (6, 1.5, 1, 1.5, 1, 1.5)),
     "lyapunov_corrected": Look(style.RED, (6, 1.5, 1, 1.5)),
-    "lyapunov_printed": Look(style.SKY, (6, 1.5, 1, 1.5, 1, 1.5)),
-}
+}  # without lyapunov_printed, which is false
 FITS = {
     "fit of the means": (None, Look(style.GREY, width=0.7)),
-    "fit below which 95 % of lanes are": (0.95, Look(style.GREY, (1, 2), width=0.9)),
+    "fit below which 95 % of lanes are": (0.95, Look(style.GREY, (3, 3), width=0.9)),
 }
 MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D")
@@ -41,7 +40,8 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     A line of a fit ends with the magnitudes at which lanes ended.
     """
     shown, lows, lines = list[Any](), list[Any](), list[list[Trace]]()
-    limits = [curve.limits(metric) for curve in found]
+    every = (curve.limits(metric).items() for curve in found)
+    limits = [{name: slope for name, slope in each if name in BOUND_LOOKS} for each in every]
     least = [min(each.values()) for each in limits if each]  # of each curve's bounds: drawn
     top = max([MOST_OF_WORST * np.nan_to_num(curve.worst) for curve in found] + least)
     for curve, bounds in zip(found, limits, strict=True):

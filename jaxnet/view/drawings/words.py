@@ -11,7 +11,7 @@ from jaxnet.model.wording import RESULT_DIGITS, number_text
 from jaxnet.statistics.amplitude import is_rounding
 from jaxnet.statistics.groups import Label, numeric
 
-NO_LANE = "no lane ended"
+NO_LANE, NONE_ENDED = "no lane ended", "none ended"
 ROUNDED = "0 (rounding)"
 BEFORE_UNIT = re.compile(r"(?<=\d) (?=[^\s\d]{1,6}(?!\S))| (?=\[)")
 JOINT = "\0"  # in place of such a space

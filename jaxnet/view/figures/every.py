@@ -30,6 +30,7 @@ from jaxnet.statistics.quantities import (
     metric_and_statistic,
     quantity_of,
     unended_words,
+    values_told,
 )
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.summary import lane_shares
@@ -64,8 +65,10 @@ TWO_KEYS = (
 )
 NOT_OF_ERRORS = (*SEARCH, *SENSITIVITY, "topologies")
 OVER_TIME = ("panels", "bands")
-OF_ENDED_LANES = ("vehicles", "ultimate", "ultimate_mean", "bands")
+OF_ENDED_LANES = ("vehicles", "ultimate", "ultimate_mean", *OVER_TIME)
 NO_CHOICE: Mapping[str, object] = {}
+FILE_KINDS = "png", "pdf"
+RETIRED = ("curve_median",)  # figures of earlier versions, which may stand in a folder
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
@@ -181,12 +184,17 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             if draw.__name__ == "curve":
                 over_tail, of_errors = about_curve(self.results.study.config, axes.get("y"))
             graphs = draw.__name__ == "topologies"
+            every = self.results.study.cells
+
+            def named(numbers: Sequence[int]) -> str:
+                return values_told([every[number] for number in numbers], cells)
+
             labels = [topology.graph_labels(cell) if graphs else cell.labels for cell in cells]
             notes = label_notes(self.results.study.config.sweep, labels)
             if over_tail:
                 notes.append(tail_words(cells))
             if (over_tail or of_errors) and draw.__name__ not in OVER_TIME:
-                notes += [lost_words(self.results, cells), falling_words(self.results, cells)]
+                notes += [told(self.results, cells, named) for told in (lost_words, falling_words)]
             if draw.__name__ in OF_ENDED_LANES:
                 notes.append(unended_words(self.results, cells))
             formation = any(cell.scenario.formation.present for cell in cells)
@@ -364,16 +372,24 @@ class Plots:
 def draw_figures(
     results: Results, names: Sequence[str] = FIGURE_NAMES, told: Steps = no_progress
 ) -> Iterator[UPath]:
-    """Draw the named figures that the folder has data for; yield each file once it is written."""
+    """Draw the named figures that the folder has data for; yield each file once it is written.
+
+    Files of the others go: they are of other data.
+    """
+    stale = [*RETIRED]
     for done, name in enumerate(names):
         told("figures drawn", done, len(names))
         if name == "curve" and len(results.study.cells) == 1:
             continue  # one point
         try:
             drawn = getattr(Plots(results), name)()
-        except (LackingError, MissingKindError):
+        except LackingError:
+            stale.append(name)
+        except MissingKindError:
             continue
-        yield from save_figure(results, name, drawn)
+        else:
+            yield from save_figure(results, name, drawn)
+    results.folder.remove(*(f"figures/{name}.{kind}" for name in stale for kind in FILE_KINDS))
 
 
 def draw_figure(
@@ -430,7 +446,7 @@ def save_figure(results: Results, name: str, figure: Figure) -> Iterator[UPath]:
     if layout is not None:  # once for both, for it takes longer than drawing
         with mpl.rc_context(figure.style):
             layout.execute(figure)
-    for kind in ("png", "pdf"):
+    for kind in FILE_KINDS:
         figure.set_layout_engine(None)  # each file would be drawn twice; saving sets one again
         yield results.folder.put(
             f"figures/{name}.{kind}", lambda file, kind=kind: figure.savefig(file, format=kind)

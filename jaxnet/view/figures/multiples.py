@@ -10,13 +10,13 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, XAxis
 from matplotlib.cbook import is_math_text
 from matplotlib.font_manager import FontProperties
 from matplotlib.gridspec import GridSpec
 from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from jaxnet.config.naming import NO_BREAK
 from jaxnet.statistics.curves import MOST_PANELS
@@ -37,6 +37,7 @@ LETTERS_PER_INCH, NOTE_LETTERS_PER_INCH = 17, 19  # of a row's name, and of a no
 LEGEND_LINE = 0.16  # [in]
 LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
+LABEL_ROOMS = 0.25, 0.45  # [in] between labels of a log axis, along y and along x
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
 BETWEEN = 1.06  # of a panel, the middle between it and the next
 
@@ -62,12 +63,23 @@ def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
     return max(parts, default=-(-many // -(-many // most)))
 
 
-def log_ticks(axis: Axis) -> None:
-    """Set ticks of a log axis with fixed ends; short axes get ticks within a decade."""
+def log_ticks(axis: Axis, room: float = PANEL_HEIGHT) -> None:
+    """Set ticks of a log axis with fixed ends and this room [in].
+
+    Long axes have a tick a decade; labels are evenly apart, at both ends if three then fit. Short
+    axes have ticks within a decade.
+    """
     low, high = sorted(axis.get_view_interval())
     decades = np.log10(high / low)
     if decades >= 2:
-        axis.set_minor_locator(NullLocator())
+        powers = np.arange(np.ceil(np.log10(low) - 1e-9), np.floor(np.log10(high) + 1e-9) + 1)
+        span = len(powers) - 1
+        least = span * LABEL_ROOMS[isinstance(axis, XAxis)] / room  # decades between labels
+        fits = [n for n in range(1, span // 2 + 1) if n >= least]
+        step = next((n for n in fits if span % n == 0), (fits or [max(1, span // 2)])[0])
+        axis.set_major_locator(FixedLocator(10.0 ** powers[::step]))
+        axis.set_minor_locator(FixedLocator(10.0**powers))
+        axis.set_minor_formatter(NullFormatter())
         return
     if decades >= 0.7:  # so that two of the numbers are there at least
         axis.set_major_locator(LogLocator(subs=(1, 2, 5) if decades <= 1 else (1, 3)))
@@ -77,14 +89,16 @@ def log_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def log_axis(panel: Axes, letter: str, ends: tuple[float, float] | None = None) -> None:
-    """Make an axis of a panel, x or y, a log axis with its ticks."""
+def log_axis(
+    panel: Axes, letter: str, ends: tuple[float, float] | None = None, room: float = PANEL_HEIGHT
+) -> None:
+    """Make an axis of a panel, x or y, of this room [in] a log axis with its ticks."""
     panel.set(**{f"{letter}scale": "log"})
     if ends is None:
         panel.autoscale_view()
     else:
         panel.set(**{f"{letter}lim": ends})
-    log_ticks(panel.xaxis if letter == "x" else panel.yaxis)
+    log_ticks(panel.xaxis if letter == "x" else panel.yaxis, room)
 
 
 def escape_dollars(words: str) -> str:
@@ -146,7 +160,7 @@ def legend_grid(labels: Sequence[str], width: float) -> tuple[int, int]:
     room = LEGEND_LETTERS_PER_INCH * width / type_scale("legend.fontsize")
     widths = [max(map(len, label.split("\n"))) + HANDLE_LETTERS for label in labels]
     for columns in range(len(labels), 1, -1):
-        split = np.array_split(widths, columns)  # as matplotlib splits entries
+        split = [widths[n::columns] for n in range(columns)]
         if sum(map(max, split)) <= room:
             return columns, len(split[0])
     return 1, len(labels)
@@ -156,6 +170,7 @@ def write_legend(drawn: Figure, handles: Sequence[Any], **look: Any) -> float:
     """Write a legend above the panels; return the height [in] of its lines after the first."""
     columns, rows = legend_grid([each.get_label() for each in handles], drawn.get_figwidth())
     look = {"ncols": columns, "handlelength": 2.6} | look
+    handles = [each for n in range(columns) for each in handles[n::columns]]  # read along rows
     drawn.legend(handles=handles, loc="outside upper center", **look)
     return LEGEND_LINE * type_scale("legend.fontsize") * (rows - 1)
 

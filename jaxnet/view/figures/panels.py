@@ -17,7 +17,7 @@ from jaxnet.config.keys import WorstLanes
 from jaxnet.config.naming import NO_BREAK, value_name
 from jaxnet.runs.replay import pictured
 from jaxnet.statistics.bands import error_bands, variable_over_time
-from jaxnet.statistics.curves import magnitude_words
+from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.statistics.groups import Label, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.store.results import Results
@@ -25,7 +25,7 @@ from jaxnet.view.drawings.drawing import LOOKS, Scale
 from jaxnet.view.drawings.scene import LaneScene, scene_of
 from jaxnet.view.drawings.spreads import band_series
 from jaxnet.view.figures import multiples, style
-from jaxnet.view.figures.printed import draw_series, line_style
+from jaxnet.view.figures.printed import draw_series, line_style, mark_ends
 from jaxnet.view.figures.style import Figure
 from jaxnet.view.figures.topology import topology_name
 
@@ -115,7 +115,8 @@ def panels_figure(
             words = caption
             if trajectories:
                 words = "" if number else judged + "s" * (judged == "error")
-            draw_errors(drawn, spots[-1], row, results.errors, f"{titles[-1]} {words}".rstrip())
+            title = f"{titles[-1]} {words}".rstrip()
+            draw_errors(drawn, spots[-1], row, results.errors, title, last=row is rows[-1])
     handles, longest = list[Line2D](), max(rows, key=len)
     if trajectories:
         handles += panels_legend(rows, [*scenes.values()])
@@ -287,6 +288,7 @@ def draw_errors(
     cells: Sequence[Cell],
     data: xr.Dataset,
     title: str,
+    last: bool,
 ) -> None:
     """Draw ẽ, or the spread, above ε̃ on log axes: a median over lanes, a band from 5 to 95 %."""
     inner = place.subgridspec(2, 1, hspace=0.0)
@@ -298,10 +300,13 @@ def draw_errors(
             if band := bands.get(cell.number):
                 for series in band_series(band, "", look):
                     draw_series(panel, series, ERROR_SCALE)
-        multiples.log_axis(panel, "y")
+        multiples.log_axis(panel, "y", room=ROW_HEIGHT / 2)
+        floored = any(band.low.min() <= LOG_FLOOR for band in bands.values())
+        mark_ends([panel], ERROR_SCALE, (floored, False), ROW_HEIGHT / 2)
         panel.set_ylabel(ERROR_SYMBOLS[variable])
         panel.grid(True, axis="y", color="0.9", linewidth=0.5)
     upper.tick_params(labelbottom=False)
     upper.set_title(title, pad=3)
-    lower.set_xlabel("t [s]")
+    if last:
+        lower.set_xlabel("t [s]")
     lower.locator_params(axis="x", nbins=4)

@@ -16,8 +16,20 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
 from jaxnet.statistics.groups import evenly, evenly_over
-from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Selection, Tiles, Trace
+from jaxnet.view.drawings.drawing import (
+    BAND,
+    OUTSIDE,
+    Beyond,
+    Drawing,
+    Look,
+    Panel,
+    Scale,
+    Selection,
+    Tiles,
+    Trace,
+)
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
+from jaxnet.view.drawings.words import NO_LANE
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -34,7 +46,7 @@ DESCENT = 0.015  # [in] that is empty below a number
 NO_ROOM = "tiles of a value without its number have no room for it"
 TILE_LETTERS = 12  # of a line of a column's name
 HIGH = 4  # rows of panels, from which smaller tiles in fewer rows are better
-COLOUR_BAR_ROOM = 0.35  # [in]
+COLOUR_BAR_ROOM, BAR_WIDTH = 0.35, 0.7  # [in]; of the figure's width
 HATCHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////"}
 MOST_VALUE_TICKS = 8  # values of x, where ticks stand at them
 DIGIT_OF_NAME = 0.062  # [in] of a letter below a column of tiles
@@ -43,7 +55,7 @@ DIGIT_OF_TICK, DOT_OF_TICK = 0.64, 0.32  # of the size of the type, the widths o
 PANEL_FRAME = 0.55, 0.12  # [in] beside the panels of a row, and between two of them
 ROOM_FOR_TWENTIES = 1.25  # [in] of an axis of shares with ticks at 0, 20 to 100
 ROOM_OF_TICK = 0.4  # [in] for each of the round ticks
-END_ROOM = 0.4, 0.14  # [in] from the tick of an end to the next, along x and along y
+END_ROOM = 0.4, 0.22  # [in] from the tick of an end to the next, along x and along y
 TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
 DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
 
@@ -105,15 +117,20 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     else:
         set_scale(axes[0], drawing.y, "y", page.height)
     set_scale(axes[0], drawing.x, "x", room)
-    if any(beyond := drawing.beyond(panels)):
-        mark_ends(axes[0], drawing, beyond, room if rows else page.height)
+    beyond = drawing.beyond(panels)
+    if drawing.colours is None and (any(beyond) or drawing.values.band):
+        mark_ends(axes, drawing.values, beyond, room if rows else page.height, bool(rows))
     if is_steep:
         for place in axes:
             place.tick_params(axis="x", labelrotation=90)
     if drawing.colours is not None:
         bar = ScalarMappable(colour_norm(drawing.colours), COLOUR_MAP)
-        look: dict[str, Any] = {"location": "bottom", "aspect": 50, "shrink": 0.7}
-        drawn.colorbar(bar, ax=drawn.axes, label=drawing.colours.title, **look)
+        look: dict[str, Any] = {"location": "bottom", "aspect": 50, "shrink": BAR_WIDTH}
+        look["extend"] = ("neither", "max", "min", "both")[2 * beyond[0] + beyond[1]]
+        shown = drawn.colorbar(bar, ax=drawn.axes, label=drawing.colours.title, **look).ax
+        if drawing.colours.log:
+            multiples.log_ticks(shown.xaxis, BAR_WIDTH * within)
+            mark_ends([shown], drawing.colours, beyond, BAR_WIDTH * within, rows=True)
     if drawing.blank:
         hatched = Patch(label=drawing.blank, linewidth=0, **HATCHED)
         drawn.legend(handles=[hatched], loc="outside upper right")
@@ -210,13 +227,14 @@ def legend_of(
             handles.append(Patch(color=look.color, alpha=0.25, linewidth=0, label=label))
         else:
             handles.append(Line2D([], [], label=label, **line_style(look, one.form)))
+    handles.sort(key=lambda each: each.get_label() == NO_LANE)
     lines = rows * max(1 + label.count("\n") for label in labels)
     return handles, multiples.LEGEND_LINE * (lines + bool(key))
 
 
 def line_style(look: Look, kind: str) -> dict[str, Any]:
     found: dict[str, Any] = {"color": look.color, "linewidth": look.width, "linestyle": "none"}
-    if kind != "points":
+    if kind not in ("points", OUTSIDE):
         found["linestyle"] = (0, look.dash) if look.dash else "-"
     if look.marker:
         found |= {"marker": look.marker, "markersize": look.size}
@@ -226,10 +244,9 @@ def line_style(look: Look, kind: str) -> dict[str, Any]:
 def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) -> None:
     """Draw a series on a scale of its values, which are along x in `rows`."""
     look = series.look
-    within = Scale("").within if series.form == "slope" else scale.within
-    low, high = within(series.low), within(series.high)
-    x = within(series.x) if rows else series.drawn_x
-    y = series.y if rows else within(series.y)
+    low, high = (scale.within(end) for end in (series.low, series.high))
+    x = scale.within(series.x, series.form) if rows else series.drawn_x
+    y = series.y if rows else scale.within(series.y, series.form)
     if series.barred:
         value = x if rows else y
         sides, beyond = scale.bars(series.low, value, series.high)
@@ -250,7 +267,7 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
     if series.form == "level":
         panel.axhline(y[0], **line_style(look, series.form))
         return
-    is_mark = series.form in ("points", "both")
+    is_mark = series.form in ("points", "both", OUTSIDE)
     front: dict[str, Any] = (
         {"clip_on": False, "zorder": 3 - (look.marker == ".")} if is_mark else {}
     )
@@ -306,7 +323,7 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
         panel.set(**{f"{letter}lim": (-4, 104)})
         axis.set_major_locator(MultipleLocator(20 if room >= ROOM_FOR_TWENTIES else 50))
     elif scale.log:
-        multiples.log_axis(panel, letter, scale.ends)
+        multiples.log_axis(panel, letter, scale.ends, room)
     elif scale.ends:
         low, high = scale.ends
         panel.set(**{f"{letter}lim": (0, 1.05 * high or 1.0) if low == 0 else (low, high)})
@@ -320,14 +337,27 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
         axis.set_major_locator(MaxNLocator(max(2, min(8, int(room / ROOM_OF_TICK)))))
 
 
-def mark_ends(panel: Axes, drawing: Drawing, beyond: Any, room: float) -> None:
-    """Name the ends of an axis of this room [in] at which values stand that are beyond it."""
-    axis, apart = (panel.xaxis, END_ROOM[0]) if drawing.y.names else (panel.yaxis, END_ROOM[1])
+def mark_ends(
+    panels: Sequence[Axes], scale: Scale, beyond: Beyond, room: float, rows: bool = False
+) -> None:
+    """Name the ends of an axis of this room [in] at which values stand that are beyond it.
+
+    The axis, x of `rows`, goes on with its band, whose name stands below other labels of x.
+    """
+    axis, apart = (panels[0].xaxis, END_ROOM[0]) if rows else (panels[0].yaxis, END_ROOM[1])
     low, high = axis.get_view_interval()
-    apart *= np.log10(high / low) / room
-    places = (at for at in axis.get_major_locator()() if low <= at <= high)
-    named: Any = axis.get_major_formatter()
-    ticks = drawing.values.named_ticks(places, named, beyond, apart)
+    room /= 1 + BAND[1] * bool(scale.band)
+    places = [at for at in axis.get_major_locator()() if low <= at <= high]
+    ticks = dict(zip(places, axis.get_major_formatter().format_ticks(places), strict=True))
+    if scale.log:
+        named: Any = axis.get_major_formatter()
+        ticks = scale.named_ticks(places, named, beyond, apart * np.log10(high / low) / room)
+    if scale.band:
+        middle, end = scale.beyond_end
+        ticks[middle] = "\n" * rows + scale.band
+        for panel in panels:
+            (panel.axvspan if rows else panel.axhspan)(high, end, color="0.94", zorder=0)
+        panels[0].set(**{f"{'x' if rows else 'y'}lim": (low, end)})
     axis.set_ticks([*ticks], [*ticks.values()])
 
 

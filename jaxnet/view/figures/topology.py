@@ -20,6 +20,7 @@ from jaxnet.config.naming import labels_title, value_name
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.sweep import keys_in
 from jaxnet.model.graph import Digraph
+from jaxnet.model.wording import count_between
 from jaxnet.runs.watched import MOST_VEHICLES
 from jaxnet.statistics.groups import Label, evenly_over
 from jaxnet.view.drawings.scene import attacked_vehicles
@@ -192,6 +193,10 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     if any(each.diameter(72 * size) < LEAST_NUMBERED_NODE for each in small):
         words = "There is no room for the numbers of vehicles that are not attacked"
         multiples.write_note(drawn, words)
+    attacks = [each.cell.scenario.attack for each in shown]
+    if drawn_for := {each.number() for each in attacks if each.number() and not each.targets()}:
+        words = count_between(drawn_for, "attacked vehicle")
+        multiples.write_note(drawn, f"{words} drawn for each lane, not marked here")
     part = [labels[place] for place in places], labels, "graphs"
     multiples.write_left_out(drawn, part, where="study.yaml")
     return drawn

@@ -13,7 +13,7 @@ import pandas as pd
 
 from jaxnet.config.naming import NO_BREAK
 from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
-from jaxnet.view.drawings.words import BEFORE_UNIT, error_text
+from jaxnet.view.drawings.words import BEFORE_UNIT, NO_LANE, error_text
 
 PAGE_FOLDER = Path(__file__).parent
 LARGEST_SINGLE = np.finfo(np.float32).max
@@ -154,7 +154,7 @@ def key_html(traces: Iterable[Mapping[str, Any]]) -> str:
     entries = "".join(
         f'<li><button type="button" aria-pressed="true" title="click to hide or show"'
         f' data-name="{name}">{swatch(trace)}{name}</button></li>'
-        for name, trace in named.items()
+        for name, trace in sorted(named.items(), key=lambda entry: entry[0] == NO_LANE)
     )
     return f'<ul class="key">{entries}</ul>'
 

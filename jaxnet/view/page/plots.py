@@ -16,12 +16,13 @@ import numpy as np
 import pandas as pd
 from matplotlib import rc_context
 from matplotlib.colors import to_hex
+from matplotlib.ticker import MaxNLocator
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import LOG_FLOOR
-from jaxnet.view.drawings.drawing import DODGE, Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import DODGE, OUTSIDE, Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, PALETTE, colour_norm, text_colour
 from jaxnet.view.drawings.words import error_text, lines_within
 from jaxnet.view.figures import style
@@ -98,7 +99,9 @@ def tiled(drawing: Drawing) -> str:
         named = {"title": {"text": plain(scale.title)}, "showgrid": False}
         layout[f"{letter}axis"] = names_axis(scale.names, falling=letter == "y") | named
     reach: Any = norm.vmin, norm.vmax
-    ends = [*map(named_powers(*reach), reach)]
+    signs = zip(("≤ ", "≥ "), drawing.beyond(drawing.panels), strict=True)
+    named = zip(signs, map(named_powers(*reach), reach), strict=True)
+    ends = [sign * there + end for (sign, there), end in named]
     bar = {"title": {"text": plain(title), "side": "right"}, "tickvals": [0, 1], "ticktext": ends}
     look = {"type": "heatmap", "zmin": 0, "zmax": 1, "xgap": 1, "ygap": 1, "showscale": False}
     look |= {"texttemplate": "%{text}", "hoverinfo": "text", "textfont": {"color": "--text"}}
@@ -186,13 +189,13 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
         return [line_trace(series.name, look, [], packed(series.y), hover)]
     rows = bool(drawing.y.names)
     scale = drawing.x if rows else drawing.y
-    within = Scale("").within if series.form == "slope" else scale.within
-    x, y = (within(series.x), series.y) if rows else (series.drawn_x, within(series.y))
+    drawn = scale.within(series.x if rows else series.y, series.form)
+    x, y = (drawn, series.y) if rows else (series.drawn_x, drawn)
     found = line_trace(series.name, look, x, y, "%{text}")
     found["text"] = hints(drawing, series)
-    if series.form in ("points", "both"):
+    if series.form in ("points", "both", OUTSIDE):
         symbol = PLOTLY_SYMBOLS[look.marker] + "-open" * (look.hollow or look.marker in "_x")
-        found["mode"] = "markers" if series.form == "points" else "lines+markers"
+        found["mode"] = "lines+markers" if series.form == "both" else "markers"
         colour = found["line"]["color"]
         found["marker"] = {"color": colour, "symbol": symbol, "size": MARKER_SIZE}
         found["marker"]["line"] = {"color": colour, "width": RIM}
@@ -262,14 +265,25 @@ def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
     if texts := value_ticks(scale, ROOM_OF_TICKS):
         title |= {"tickvals": [*scale.ticks], "ticktext": texts}
     low, high = scale.ends or reach_of(drawing, letter)
+    found: dict[str, Any]
     if scale.log:
         room = max(LOG_ROOM, (high / low) ** (2 * DODGE)) if letter == "x" else 1.0
         beyond = drawing.beyond(drawing.panels) if scale is drawing.values else (False, False)
-        return decades_axis(low / room, high * room, scale, beyond, TICKS_APART[letter]) | title
-    if not scale.ends and not scale.ticks:
-        return {"rangemode": "tozero"} | title
-    room = 0.04 * ((high - low) or 1.0)
-    return {"range": [low - room, high + room], "nticks": 6} | title
+        found = decades_axis(low / room, high * room, scale, beyond, TICKS_APART[letter])
+    elif not scale.ends and not scale.ticks:
+        found = {"rangemode": "tozero"}
+    else:
+        room = 0.04 * ((high - low) or 1.0)
+        found = {"range": [low - room, high + room], "nticks": 6}
+    if scale.band:
+        middle, end = scale.beyond_end
+        if not scale.log:
+            ticks = [at for at in MaxNLocator(6).tick_values(low, high) if low <= at <= high]
+            found |= {"tickvals": ticks, "ticktext": [f"{at:g}" for at in ticks]}
+        found["tickvals"] = [*found["tickvals"], middle]
+        found["ticktext"] = [*found["ticktext"], scale.band]
+        found["range"][1] = log10(end) if scale.log else end
+    return found | title
 
 
 def reach_of(drawing: Drawing, letter: str) -> tuple[float, float]:

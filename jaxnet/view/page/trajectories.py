@@ -16,7 +16,7 @@ from jaxnet.runs.watched import MOST_VEHICLES, WORST_OF_ALL, Watched, watched
 from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, log_ends
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.scene import LaneScene, scene_of
-from jaxnet.view.drawings.words import error_text
+from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.elements import (
     Plot,
     about,
@@ -287,6 +287,7 @@ def lane_label(results: Results, one: Watched, cell: Cell) -> str:
     where = f"{labels_title(cell.labels)}, " if cell.labels else ""
     by = f", {one.engine} engine" if one.engine else ""
     size = float(cell_magnitudes(results)[one.cell])
-    told = "none, it failed" if np.isnan(error) else f"{error_text(error, size)} m"
+    length = error_text(error, size).replace(ROUNDED, "0")
+    told = "none, it failed" if np.isnan(error) else f"{length} m"
     word = "spread" if cell.scenario.leaderless else "error"
     return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): {word} {told}"
