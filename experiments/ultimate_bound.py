@@ -68,7 +68,7 @@ def ranking(results: Results) -> pd.DataFrame:
         rows.append(
             {
                 **curve.group.labels,
-                "tail mean / ā": slopes.estimate_text(curve.fit("tail_mean")),
+                "tail mean / ā": " ".join(slopes.slope_texts(curve)),
                 "unrecovered": f"{shares.min():.1f} to {shares.max():.1f} %",
             }
         )

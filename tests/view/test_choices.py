@@ -135,7 +135,7 @@ def test_panels_of_one_column_are_alike():
 
 def test_rows_are_evenly_apart_where_the_last_is_not_full():
     """The labels above its hole stand in the hole."""
-    panels = grid_of(11, 7.16).axes
+    panels = grid_of(11, 7.16, "d").axes
     tops = sorted({round(panel.get_position().y1, 3) for panel in panels})
     assert len(tops) == 3
     assert np.ptp(np.diff(tops)) < 0.02

@@ -20,7 +20,7 @@ SEARCH, RANDOM, BOUND = (
 )
 SEARCH_MARKS = {
     "worst random lane": Look(style.RED, marker="s", size=4),
-    "found by the search": Look(style.BLUE, marker="o", size=4),
+    "greatest tried": Look(style.BLUE, marker="o", size=4),
     "found, later": Look(style.BLUE, marker="x", size=5),
     "bound of theory": Look(style.BLACK, marker="|", size=8),
 }
