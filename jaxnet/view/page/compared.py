@@ -49,7 +49,6 @@ SETTING_WORDS = (
     "a setting is one combination of the other swept keys; in 2 of 3 settings: paired lanes show"
     " the difference in so many of them"
 )
-RANGE_WORDS = "from … to …: the least and the greatest of the cells"
 
 
 class Wins(NamedTuple):
@@ -86,10 +85,9 @@ Tested = Sequence[tuple[ComparedBy, Wins]]
 
 
 class Comparisons(NamedTuple):
-    """What is told of swept kinds: a sentence and a table each; a row for each test."""
+    """What is told of swept kinds: a sentence each, and a row for each test."""
 
     sentences: list[str]
-    tables: list[str]
     tests: list[TestRow]
 
     def folded(self) -> str:
@@ -220,19 +218,12 @@ def against_first(results: Results, key: str, labels: Sequence[str], judged: Tes
 
 def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> Comparisons:
     """Compare the values of each swept kind by quantities; of more than two, all with the first."""
-    told, texts = Comparisons([], [], []), swept_texts(results)
+    told, texts = Comparisons([], []), swept_texts(results)
     for key, quantities in asked.items():
-        verdicts, columns = dict[str, list[str]](), dict[str, list[str]]()
-        judged = list[tuple[ComparedBy, Wins]]()
+        verdicts, judged = dict[str, list[str]](), list[tuple[ComparedBy, Wins]]()
         labels: list[str] = texts[key].drop_duplicates().tolist()
-        columns[key_name(key)] = [named(key, label) for label in labels]
         for each in quantities:
             swept: Any = texts.loc[each.values.index]
-            ends = {
-                label: " to ".join(dict.fromkeys(map(each.told, (some.min(), some.max()))))
-                for label, some in each.values.groupby(swept[key])
-            }
-            columns[f"{each.name} [{each.unit}]"] = [ends.get(label, "–") for label in labels]
             won = wins(results, each.lanes, swept[key], swept.drop(columns=key))
             if won is None:
                 continue
@@ -240,7 +231,6 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
             told.tests.extend(rows_of_tests(results, key, each, won))
             if each.name != FAILED:  # of which another sentence tells
                 verdicts.setdefault(verdict_words(key, labels, won), []).append(each.name)
-        told.tables.append(sortable_table(pd.DataFrame(columns)))
         words = [f"by {joined_names(names)}: {which}" for which, names in verdicts.items()]
         if words:
             differ = any(won.beaten() for _, won in judged)
@@ -297,11 +287,11 @@ def averages_sentence(results: Results) -> str:
     return f"<b>Averaged over the other keys</b> {share} {'; from '.join(told[:MOST_TOLD])}."
 
 
-def tables_html(results: Results, told: Comparisons) -> str:
-    """The tables with notes, and those that a reader opens."""
-    if not told.tables:
+def tests_html(results: Results, told: Comparisons) -> str:
+    """Notes on the sentences, and the tests, which a reader opens."""
+    if not told.tests:
         return ""
-    notes = [RANGE_WORDS, SETTING_WORDS * bool(told.tests)]
+    notes = [SETTING_WORDS]
     if falling := falling_cells(results):
         notes.append(f"left out, as the {judged_word(results)} still falls: {cells_named(falling)}")
-    return "".join(told.tables) + notes_html(notes) + told.folded()
+    return notes_html(notes) + told.folded()

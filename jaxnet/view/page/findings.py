@@ -35,7 +35,7 @@ from jaxnet.view.page.compared import (
     averages_sentence,
     comparisons,
     swept_kinds,
-    tables_html,
+    tests_html,
 )
 from jaxnet.view.page.elements import Section, paragraph, sentence_case
 from jaxnet.view.page.grid import choices, grid_html
@@ -112,10 +112,10 @@ def findings_section(
     told = [averages_sentence(results), *compared.sentences]
     body = paragraph(best) * bool(best) + grid
     if grid:
-        more = f"{bullets(told)}{tables_html(results, compared)}"
+        more = f"{bullets(told)}{tests_html(results, compared)}"
         body += f"{bullets(sentences)}<details><summary>{DETAILS}</summary>{more}</details>"
     else:
-        body += f"{bullets([*sentences, *told])}{tables_html(results, compared)}"
+        body += f"{bullets([*sentences, *told])}{tests_html(results, compared)}"
     body = body.replace(" %", f"{NO_BREAK}%").replace(ROUNDED, "0")
     return Section("findings", "Findings", body)
 
@@ -292,7 +292,7 @@ def separation_sentence(results: Results) -> tuple[str, ComparedBy | None]:
         "in more lanes vehicles stay farther apart",
         "in more lanes vehicles come nearer",
     )
-    distances = ComparedBy("least distance", "m", better, worse, values, lanes)
+    distances = ComparedBy("least distance", better, worse, values, lanes)
     told = " ".join(f"{sentence_case(each)}." for each in parts if each)
     return told, distances if len(least) > 1 else None
 

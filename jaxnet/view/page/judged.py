@@ -18,7 +18,6 @@ from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
 from jaxnet.statistics.tiles import lost_name, share_lost
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import joined_names, where_words
 
@@ -33,8 +32,6 @@ class ComparedBy(NamedTuple):
     ----------
     name
         What is compared, the subject of a sentence.
-    unit
-        Unit of the numbers of cells; "%" of shares.
     better, worse
         What a test finds of the first of two values, a clause.
     values
@@ -44,14 +41,10 @@ class ComparedBy(NamedTuple):
     """
 
     name: str
-    unit: str
     better: str
     worse: str
     values: pd.Series
     lanes: Mapping[int, pd.Series]
-
-    def told(self, value: float) -> str:
-        return percent_text(value) if self.unit == "%" else error_text(value)
 
 
 JudgedLanes = Mapping[int, Any]  # from `judged_lanes`
@@ -206,7 +199,7 @@ def share_compared(
     values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
     if not 0 < values.mean() < 100:
         return None
-    return ComparedBy(name, "%", better, worse, values, flags)
+    return ComparedBy(name, better, worse, values, flags)
 
 
 def negligible_errors(results: Results) -> Float[np.ndarray, " cells"]:
@@ -245,20 +238,13 @@ def measures_compared(results: Results, errors: CellErrors, lanes: JudgedLanes) 
         what, name = held_word(results), f"lanes {lost_name(results)}"
         flagged = {cell: lanes[cell]["unrecovered"] for cell in shares.index}
         better, worse = f"more lanes {what}", f"fewer lanes {what}"
-        found += [ComparedBy(name, "%", better, worse, shares, flagged)]
+        found += [ComparedBy(name, better, worse, shares, flagged)]
     if shares.empty or shares.any():  # else all errors are below what is asked
         values: Any = errors.values["value"]
         unit = errors.unit
         numbers = errors_of_lanes(results, values.index, unit)
         better, worse = f"the {word} is smaller", f"the {word} is greater"
-        found += [ComparedBy(word + ended, unit, better, worse, values, numbers)]
-    alone = is_leaderless(results.study.cells)
-    name, column = "worst way out of the hull", "outside_max"
-    name, column = (name, column) if alone else ("worst vehicle", "tail_max_max")
-    most: Any = results.cells.reindex(columns=[column]).reset_index(drop=True)[column]
-    most = most.reindex(errors.values.index).dropna()
-    if len(most) and most.max() >= ROUNDING_ERROR:
-        found += [ComparedBy(name, "m", "", "", most, {})]
+        found += [ComparedBy(word + ended, better, worse, values, numbers)]
     return found
 
 

@@ -30,7 +30,7 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     first = escape(labels_title({key: labels[key] for key in varied}) or labels_title(labels))
     if many == 1:
         return f"with {first} (cell {numbers[0]})"
-    words, alike = few_values(results, numbers, cells)
+    words, alike = values_in_common(results, numbers, cells)
     if not words or alike > many:
         mine = [results.study.cells[n].labels for n in numbers]
         there = [cell.labels for cell in cells]
@@ -40,7 +40,9 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     return f"with {escape(words)} ({many} cells)"
 
 
-def few_values(results: Results, numbers: Sequence[int], among: Sequence[Cell]) -> tuple[str, int]:
+def values_in_common(
+    results: Results, numbers: Sequence[int], among: Sequence[Cell]
+) -> tuple[str, int]:
     """The few swept values that these of the cells `among` have, and how many cells have them."""
     mine, there = (
         swept_values_of(each) for each in ([results.study.cells[n] for n in numbers], among)
