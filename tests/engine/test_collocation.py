@@ -98,6 +98,7 @@ def test_windows_and_steps_lead_where_the_exact_engine_does(name):
     assert apart(ours, exact) < (3e-4 if name == "loose" else 3e-6)
 
 
+@pytest.mark.long
 def test_an_attack_is_seen_whenever_it_begins():
     """Also where it begins just before or after the end of a window."""
     envelope = {"kind": "envelope", "of": "bias", "start": {"uniform": [0.5, 5.5]}, "rise": 1.0}

@@ -27,6 +27,7 @@ def test_one_vehicle_is_infinitely_far_from_the_next():
     assert np.isinf(results.cells["min_separation_median"]).all()
 
 
+@pytest.mark.long
 def test_robots_start_with_their_axles_in_the_formation_and_are_apart_by_their_points():
     """In stored states: the axle is at the start plus the offset, the point `ahead` of it."""
     places = np.array([[-0.6, 0.0], [0.3, 0.2], [0.1, -0.5]])

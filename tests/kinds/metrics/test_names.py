@@ -69,6 +69,7 @@ def test_a_name_changes_no_other_column(both):
         np.testing.assert_array_equal(both.cells[mine], alone.cells[name])
 
 
+@pytest.mark.long
 def test_tables_figures_and_page_tell_them_apart(both, undrawn, tmp_path):
     columns = default_columns(both.study.config, both.cells, both.study.cells)
     wanted = ["settling_time_median", "near_median", "unsettled", "near_unsettled"]

@@ -58,7 +58,8 @@ def test_engines_agree_on_every_state_and_input(folder, vehicle):
     agree(jaxnet.open(folder / vehicle))
 
 
-@pytest.mark.parametrize("vehicle", [pytest.param("look_ahead", marks=pytest.mark.long), "car"])
+@pytest.mark.long
+@pytest.mark.parametrize("vehicle", ["look_ahead", "car"])
 def test_engines_agree_by_programs_that_are_not_optimised(vehicle):
     """A vehicle whose outputs leave a state open, and one with six states."""
     keys = KEYS | {"vehicle": vehicle, "horizon": 2.0}
