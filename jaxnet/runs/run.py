@@ -37,7 +37,7 @@ CHOSEN_STORE = "trajectories.zarr"
 
 
 def made_of_rows(folder: Folder) -> list[str]:
-    """What is made of rows, but for figures of a sensitivity analysis, which simulates its own."""
+    """Name what other rows make wrong; a sensitivity analysis has lanes and figures of its own."""
     figures = [f"figures/{each.name}" for each in folder.path.glob("figures/*")]
     others = [name for name in figures if not name.startswith("figures/sensitivity")]
     if others == figures:

@@ -323,7 +323,7 @@ TOLD = [
     (
         MANY,
         SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.7}},
-        "unrecovered: <b>W-MSR</b> and <b>centerpoint</b> are better than no\xa0defence; by error",
+        "unrecovered and error: <b>W-MSR</b> and <b>centerpoint</b> are better than no\xa0defence",
     ),
     (
         [20.0],

@@ -448,7 +448,7 @@ def test_a_lost_fleet_is_told_as_lost():
     curve = curve._replace(group=Group({}, (*swept,)))
     text = one_line([slopes.errors_text([curve], [1])])
     assert "lost - " in text
-    assert "lost: the median error is over 1,000 times ā and the farthest start" in text
+    assert "lost: the median error is over 1,000 times the sum of ā and the farthest start" in text
     assert "bent" not in text
     assert "bent -" in one_line([slopes.errors_text([curve], [2])])
 

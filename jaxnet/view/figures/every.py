@@ -241,7 +241,7 @@ class Plots:
 
     @property
     def plain(self) -> "Plots":
-        """The same figures in matplotlib's own style (`matplotlibrc` or `plt.style.use`)."""
+        """Figures in matplotlib's own style (`matplotlibrc` or `plt.style.use`)."""
         return Plots(self.results, style.LAYOUT)
 
     @plot

@@ -42,8 +42,7 @@ def best_sentence(results: Results, lanes: JudgedLanes) -> str:
     combined = swept[[*kinds]].agg(tuple, axis="columns").map(str)
     if len(combined) * combined.nunique() > 2 * MOST_COMPARED:
         return ""
-    left, others = combined, swept.drop(columns=[*kinds])
-    found = decisions(results, lanes, combined, others)
+    found = decisions(results, lanes, combined, swept.drop(columns=[*kinds]))
     beaten = {combined[cell] for (cell, _), each in found.items() if each.better is False}
     left = combined[~combined.isin(beaten)]
     every, best = combined.drop_duplicates(), left.drop_duplicates().index

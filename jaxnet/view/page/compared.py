@@ -42,8 +42,8 @@ LEAST_SPAN = 5.0  # [%], of averages that are told
 MOST_TESTS = 200  # in the table of p values
 P_WORDS = (
     "tests on paired lanes: McNemar's exact test of lanes that recover, or agree, and the exact"
-    " sign test of errors and distances; p is adjusted by Holm over the comparisons of a key in"
-    " which enough lanes differ"
+    " sign test of errors and distances; errors of lanes that recover, or agree, are equal; p is"
+    " adjusted by Holm over the comparisons of a key in which enough lanes differ"
 )
 SETTING_WORDS = (
     "a setting is one combination of the other swept keys; in 2 of 3 settings: paired lanes show"
@@ -85,7 +85,7 @@ Tested = Sequence[tuple[ComparedBy, Wins]]
 
 
 class Comparisons(NamedTuple):
-    """What is told of swept kinds: a sentence each, and a row for each test."""
+    """A sentence for each swept kind, and a row for each test of two values."""
 
     sentences: list[str]
     tests: list[TestRow]

@@ -16,7 +16,6 @@ from jaxnet.statistics.horizon import lost_limits
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
 from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
 from jaxnet.statistics.tiles import lost_name, share_lost
-from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import joined_names, where_words
@@ -144,14 +143,14 @@ def judged_lanes(results: Results, cells: Iterable[int]) -> dict[int, Any]:
     alone, limits = is_leaderless(results.study.cells), lost_limits(results)
     columns, found = ["sample", "status", judged, *["outside"] * alone], dict[int, Any]()
     for cell, lanes in results.by_cell(*columns, cells={*cells}):
-        mine, size = results.study.cells[cell], threshold(results.study.cells[cell], asked)
-        error, failed = lanes[judged], lanes["status"] != "ok"
+        mine, error, failed = results.study.cells[cell], lanes[judged], lanes["status"] != "ok"
         way = lanes["outside"] if alone else 0.0 * error
+        size, lost = threshold(mine, asked), error > limits[cell]
         found[cell] = pd.DataFrame(
             {
                 "failed": failed,
-                "lost": error > limits[cell],
-                "gone": failed | (error > limits[cell]),
+                "lost": lost,
+                "gone": failed | lost,
                 "unrecovered": failed | (error > size),
                 "out": way > mine.scenario.engine.accuracy,
                 "way": way.mask(way <= mine.scenario.engine.accuracy, 0.0),
@@ -241,22 +240,9 @@ def measures_compared(results: Results, errors: CellErrors, lanes: JudgedLanes) 
         found += [ComparedBy(name, better, worse, shares, flagged)]
     if shares.empty or shares.any():  # else all errors are below what is asked
         values: Any = errors.values["value"]
-        unit = errors.unit
-        numbers = errors_of_lanes(results, values.index, unit)
+        numbers = {cell: lanes[cell]["error"] for cell in values.index}
         better, worse = f"the {word} is smaller", f"the {word} is greater"
         found += [ComparedBy(word + ended, better, worse, values, numbers)]
-    return found
-
-
-def errors_of_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
-    """Errors of lanes that ended, by sample; negligible ones are 0."""
-    found, sizes = {}, curves.cell_magnitudes(results)
-    metric, least = judged_metric(results.study.cells), negligible_errors(results)
-    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells={*numbers}):
-        size = sizes[cell] if unit == "ā" else 1.0
-        errors: Any = lanes.set_index("sample")[metric]
-        negligible = errors < max(ROUNDING_ERROR * size, least[cell])
-        found[cell] = (errors / size).mask(negligible, 0.0)
     return found
 
 

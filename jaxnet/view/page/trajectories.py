@@ -267,7 +267,7 @@ def errors_figure(scene: LaneScene, names: Sequence[str], centre: str) -> dict[s
 
 
 def raster_figure(scene: LaneScene, links: Sequence[list[Any]]) -> dict[str, Any]:
-    """Whom vehicles retain: a row a link, a colour of FATE_COLOURS at each time."""
+    """Make the raster of links: a row a link, a colour of FATE_COLOURS at each time."""
     fates = 2 * scene.kept.T + scene.lied[:, None]
     steps = [[(n + side) / 4, colour] for n, colour in enumerate(FATE_COLOURS) for side in (0, 1)]
     trace = {"type": "heatmap", "z": packed(fates, "u1"), "zmin": -0.5, "zmax": 3.5}

@@ -33,7 +33,8 @@ BOUNDS_LEGEND = (
 LOST, FLAT, BENT, FAILED, ONE_MAGNITUDE = "lost", "flat", "bent", "all failed", "one ā: "
 NO_INTERVAL, ALIKE = "[-]", "(alike)"
 SLOPE_NOTES = {  # by a text of a table
-    LOST: f"lost: the median error is over {horizon.LOST:,} times ā and the farthest start",
+    LOST: f"lost: the median error is over {horizon.LOST:,} times the sum of ā and the farthest"
+    " start",
     FLAT: "flat: errors of greater ā are not greater",
     BENT: "bent: errors rise with ā, but not in proportion",
     ALIKE: "(alike): all lanes have the same error per ā",
