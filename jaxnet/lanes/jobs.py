@@ -5,6 +5,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Bool
 
 from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
@@ -153,6 +154,14 @@ def source_of(study: Config, scenario: Scenario) -> Source:
         raise ConfigError([Problem("study", "draws", most)])
     columns = {place: column for column, place in enumerate(places)}
     return Scrambled(study.seed, study.samples // RANDOMISATIONS, columns)
+
+
+def first_attacked_vehicles(
+    study: Config, scenario: Scenario, samples: Sequence[int]
+) -> Bool[np.ndarray, "m lanes"]:
+    """The vehicles that are attacked at t = 0 in lanes of a study."""
+    draw = Draw(source_of(study, scenario), samples, scenario.vehicles)
+    return first_attacked(scenario.attack).chosen(draw)
 
 
 def first_attacked(attack: AnyAttack) -> AnyAttack:

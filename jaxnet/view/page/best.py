@@ -7,14 +7,18 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.cells import is_leaderless, judged_metric
-from jaxnet.config.naming import choices_words, key_name, labels_title
+from jaxnet.config.naming import (
+    choices_words,
+    is_kind,
+    key_name,
+    labels_title,
+    value_alone,
+    value_name,
+)
 from jaxnet.model.wording import count_between
-from jaxnet.statistics.recovery import attacked_mask
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
-from jaxnet.view.page.compared import named, swept_texts
-from jaxnet.view.page.decided import decisions
-from jaxnet.view.page.grid import choices
+from jaxnet.view.page.decided import choices, decisions, swept_texts
 from jaxnet.view.page.judged import (
     JudgedLanes,
     fallen_words,
@@ -34,8 +38,7 @@ def best_sentence(results: Results, lanes: JudgedLanes) -> str:
     are left out. "" where no combination beats another, and where the best are too many to tell.
     """
     falling = [] if is_leaderless(results.study.cells) else falling_cells(results)
-    swept: Any = swept_texts(results)[attacked_mask(results.study.cells)]
-    swept = swept.drop(index=falling, errors="ignore")
+    swept: Any = swept_texts(results).drop(index=falling, errors="ignore")
     kinds = choices(results.study.cells)
     if not kinds or swept.empty:
         return ""
@@ -55,7 +58,9 @@ def best_sentence(results: Results, lanes: JudgedLanes) -> str:
     labels = [results.study.cells[cell].labels for cell in best]
     where = [labels_title({key: each[key] for key in kinds}) for each in labels]
     if len(kinds) == 1:
-        where = [named(kinds[0], str(each[kinds[0]])) for each in labels]
+        (key,) = kinds
+        named = value_name if is_kind(key) else value_alone
+        where = [named(key, str(each[key])) for each in labels]
     if len(where) > MOST_TOLD:
         there = [results.study.cells[cell].labels for cell in every.index]
         chosen = ([{key: each[key] for key in kinds} for each in some] for some in (labels, there))

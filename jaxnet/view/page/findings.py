@@ -31,17 +31,11 @@ from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.best import best_sentence
-from jaxnet.view.page.compared import (
-    averages_sentence,
-    comparisons,
-    swept_kinds,
-    tests_html,
-)
+from jaxnet.view.page.decided import tests_html
 from jaxnet.view.page.elements import Section, paragraph, sentence_case
-from jaxnet.view.page.grid import choices, grid_html
+from jaxnet.view.page.grid import grid_html
 from jaxnet.view.page.judged import (
     CellErrors,
-    ComparedBy,
     criterion_text,
     held_word,
     is_negligible,
@@ -49,8 +43,8 @@ from jaxnet.view.page.judged import (
     judged_lanes,
     judged_word,
     known_shares,
-    measures_compared,
     percent_text,
+    separation_asked,
     settled,
 )
 from jaxnet.view.page.proved import ideal_sentence, outnumbered_sentence, proved_sentence
@@ -66,7 +60,6 @@ MEDIAN_LANE = {  # by `judged_word`
 }
 
 RISING = "<b>Error of the median lane.</b>"
-DETAILS = "Each swept kind: its values compared, with tests"
 AMONG = "groups of cells that differ in ā alone"
 ISOLATED = {  # by column of rows, where vehicles coast or may stop
     "cut_off_vehicles": "a vehicle was cut off from all its sources",
@@ -82,14 +75,8 @@ def findings_section(
     cells = results.study.cells
     alone = is_leaderless(cells)
     errors = judged_errors(results, found)
-    kinds = [*swept_kinds(results), *choices(cells)]
     lanes = judged_lanes(results, range(len(cells)))
-    judged = dict.fromkeys(kinds, measures_compared(results, errors, lanes))
-    judged.pop("filter", None)
-    separated, distances = separation_sentence(results)
-    if distances:  # filters are for distances, not for errors
-        judged["filter"] = [distances]
-    compared = comparisons(results, judged)
+    separated = separation_sentence(results)
     grid, best = grid_html(results, lanes), best_sentence(results, lanes)
     sentences = [
         proved_sentence(results, theory),
@@ -109,13 +96,7 @@ def findings_section(
         outnumbered_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in other_warnings(results)),
     ]
-    told = [averages_sentence(results), *compared.sentences]
-    body = paragraph(best) * bool(best) + grid
-    if grid:
-        more = f"{bullets(told)}{tests_html(results, compared)}"
-        body += f"{bullets(sentences)}<details><summary>{DETAILS}</summary>{more}</details>"
-    else:
-        body += f"{bullets([*sentences, *told])}{tests_html(results, compared)}"
+    body = paragraph(best) * bool(best) + grid + bullets(sentences) + tests_html(results, lanes)
     body = body.replace(" %", f"{NO_BREAK}%").replace(ROUNDED, "0")
     return Section("findings", "Findings", body)
 
@@ -267,17 +248,14 @@ def unrecovered_sentence(results: Results) -> str:
     return f"{share_words(results)}{criterion_text(results)}{alone} {span}."
 
 
-def separation_sentence(results: Results) -> tuple[str, ComparedBy | None]:
-    """How many lanes have a pair nearer than filters ask for; distances to compare filters by."""
-    cells, metrics = results.study.cells, results.study.config.metrics
-    name = next((each.name for each in metrics if each.base == MIN_SEPARATION.name), None)
-    limits = [each for cell in cells if (each := cell.scenario.filter.asks()) is not None]
-    if name is None or not limits:
-        return "", None
-    limit, lanes, least = max(limits), dict[int, pd.Series](), dict[str, list[pd.Series]]()
+def separation_sentence(results: Results) -> str:
+    """How many lanes have a pair nearer than filters ask for."""
+    cells, least = results.study.cells, dict[str, list[pd.Series]]()
+    if (asked := separation_asked(results)) is None:
+        return ""
+    name, limit = asked
     each: Any
     for number, each in results.by_cell("sample", name, where=rows.OK):
-        lanes[number] = -each.set_index("sample")[name]  # the farther apart the better
         least.setdefault(str(cells[number].labels.get("filter", "")), []).append(each[name])
     told = []
     for label, each in least.items():
@@ -287,14 +265,7 @@ def separation_sentence(results: Results) -> tuple[str, ComparedBy | None]:
         told.append(f"{many} (least distance {error_text(found.min())} m)")
     parts = [f"two vehicles come nearer than D = {limit:g} m {', '.join(told)}"]
     parts += dict.fromkeys(near_starts_words(results.study.config, cell.scenario) for cell in cells)
-    values = pd.Series({number: -each.max() for number, each in lanes.items()})
-    better, worse = (
-        "in more lanes vehicles stay farther apart",
-        "in more lanes vehicles come nearer",
-    )
-    distances = ComparedBy("least distance", better, worse, values, lanes)
-    told = " ".join(f"{sentence_case(each)}." for each in parts if each)
-    return told, distances if len(least) > 1 else None
+    return " ".join(f"{sentence_case(each)}." for each in parts if each)
 
 
 def metrics_list(results: Results, without: str) -> str:

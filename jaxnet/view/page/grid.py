@@ -1,9 +1,10 @@
-"""The verdict table of a study: where the fleet holds, by the keys whose values one chooses.
+"""The verdict table of a study: where the fleet holds, by its swept keys.
 
 Rows and columns are choices, such as topology and defence. A field is about all settings of the
-other keys: attacks, their magnitudes, noise.
+other keys: attacks, their magnitudes, noise. A study without a choice has a row for each setting.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
@@ -16,6 +17,7 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.naming import (
     NO_BREAK,
     Combination,
+    is_kind,
     key_name,
     quantity,
     value_alone,
@@ -27,11 +29,10 @@ from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.horizon import LOST
 from jaxnet.statistics.intervals import clopper_pearson
-from jaxnet.statistics.recovery import attacked_mask, confidence_told
+from jaxnet.statistics.recovery import confidence_told
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import ROUNDED, error_text
-from jaxnet.view.page.compared import swept_texts
-from jaxnet.view.page.decided import ABOUT_DECISIONS, decisions
+from jaxnet.view.page.decided import ABOUT_DECISIONS, cells_judged, choices, decisions, swept_texts
 from jaxnet.view.page.elements import notes_html, paragraph, sentence_case, unbroken
 from jaxnet.view.page.judged import (
     JudgedLanes,
@@ -41,14 +42,18 @@ from jaxnet.view.page.judged import (
     judged_word,
     negligible_errors,
     percent_text,
+    separation_asked,
 )
+from jaxnet.view.page.proved import outside_by_draw
 from jaxnet.view.page.where import joined_names
 
-# Keys that nobody chooses: settings in which the others are compared
-CONDITIONS = ("attack", "channel.loss", "channel.delay", "channel.noise", "navigator", "initial")
-CONDITIONS += ("channel.quantisation", "sensing", "vehicle", "horizon", "tail", "tick", "engine")
 MOST_ROWS, MOST_COLUMNS, MOST_NUMBERS = 40, 8, 4  # numbers are of a field's cells
 NONE = "none"
+OF_ASSUMPTIONS = "the assumptions"
+ABOUT_ASSUMPTIONS = (
+    f"outside {OF_ASSUMPTIONS}: lanes in which a vehicle hears more attacked sources than its"
+    " defence is set for (any, where it cannot trim), or trusts one"
+)
 COMPARED = "vs none: against no {}, on the same draws (McNemar's and sign tests, 5 %, Holm): {}"
 NOT_DIFFERENT = "no test on the same draws finds a field better or worse than no {}"
 
@@ -87,38 +92,32 @@ class GridLayout(NamedTuple):
         return len(self.settings) == 1 and sizes == {*few}
 
 
-def choices(cells: Sequence[Cell]) -> list[str]:
-    """The swept keys whose value one chooses."""
-    return [
-        key
-        for key, values in swept_values_of(cells).items()
-        if len(values) > 1 and key != "channel" and not key.startswith(CONDITIONS)
-    ]
-
-
 def layout(cells: Sequence[Cell]) -> GridLayout | None:
-    """Lay out the cells under attack; None without a choice, and of too many rows or columns.
+    """Lay out the cells that are judged; None of one cell, and of too many values.
 
-    The last choice makes the columns, if it can one that may be left out; a single choice makes the
-    rows, and a setting the columns.
+    The last choice makes the columns, if it can one that may be left out. A single choice makes the
+    rows, and a setting the columns; without a choice the first kind that is swept makes the rows.
     """
-    cells = [cell for cell, attacked in zip(cells, attacked_mask(cells), strict=True) if attacked]
-    chosen = choices(cells) if cells else []
-    if not chosen:
-        return None
+    cells = cells_judged(cells)
     values = {key: each for key, each in swept_values_of(cells).items() if len(each) > 1}
+    chosen = choices(cells)
     optional = [key for key in chosen if NONE in map(str, values[key])]
-    columns = (optional or chosen)[-1:]
+    narrow = [key for key in values if len(values[key]) <= MOST_COLUMNS]
+    chosen = chosen or sorted(values, key=lambda key: not is_kind(key))[:1]
+    columns = [key for key in optional or chosen if key in narrow][-1:]
     if len(chosen) == 1:
-        columns = [key for key in values if key not in chosen][:1]
+        columns = [key for key in narrow if key not in chosen][:1]
     rows = [key for key in chosen if key not in columns]
+    while math.prod(len(values[key]) for key in rows) > MOST_ROWS:
+        rows.remove(max(rows, key=lambda key: len(values[key])))
+    if not rows:
+        return None
     settings = {key: each for key, each in values.items() if key not in (*rows, *columns)}
     fields = dict[Combination, dict[Combination, list[int]]]()
     for cell in cells:
         row, column = (tuple(cell.labels[key] for key in keys) for keys in (rows, columns))
         fields.setdefault(row, {}).setdefault(column, []).append(cell.number)
-    laid = GridLayout(rows, columns, settings, fields, "".join(optional[-1:]))
-    return laid if len(fields) <= MOST_ROWS and len(laid.heads) <= MOST_COLUMNS else None
+    return GridLayout(rows, columns, settings, fields, "".join(optional[-1:]))
 
 
 def grid_html(results: Results, lanes: JudgedLanes) -> str:
@@ -127,10 +126,11 @@ def grid_html(results: Results, lanes: JudgedLanes) -> str:
     if laid is None:
         return ""
     heads = [quantity(key) for key in laid.rows]
-    heads += [", ".join(map(value_name, laid.columns, column)) for column in laid.heads]
+    heads += [", ".join(map(value_name, laid.columns, each)) or "result" for each in laid.heads]
     against = against_none(results, laid.optional, lanes) if laid.optional else {}
     differ = any(against.values())
-    fields = fields_html(results, laid, lanes, against if differ else {})
+    numbers = cell_numbers(results, lanes, against if differ else {})
+    fields = fields_html(results, laid, lanes, numbers)
     lines = []
     for row in laid.fields:
         values = map(value_alone, laid.rows, row)
@@ -145,38 +145,74 @@ def grid_html(results: Results, lanes: JudgedLanes) -> str:
         about = ABOUT_DECISIONS[is_leaderless(results.study.cells)]
         tests = (COMPARED if differ else NOT_DIFFERENT).format(key_name(laid.optional), about)
     caption, *notes = grid_words(results, laid, lanes, tests)
+    notes += [ABOUT_ASSUMPTIONS] * (OF_ASSUMPTIONS in body)
+    left = len(cells_judged(results.study.cells)) < len(results.study.cells)
+    notes += ["cells without an attack are not in this table"] * left
     box = f'<div class="box" tabindex="0">{table}</div>'
     return f"{paragraph(unbroken(caption))}{box}{notes_html(notes)}"
 
 
+def cell_numbers(results: Results, lanes: JudgedLanes, against: Mapping[int, str]) -> pd.DataFrame:
+    """What a field tells of each cell; lengths that are far below what the study asks for are 0.
+
+    - `fallen`, `lost`, `near` [%]: shares of its lanes
+    - `median`, `worst`, `out` [m]: of lanes that ended
+    - `falling`: whether errors still fall when the run ends
+    - `against`: what is found against none
+    """
+    cells = results.study.cells
+    judged, stored = judged_metric(cells), results.cells.reset_index(drop=True)
+    found = pd.DataFrame(index=range(len(cells)))
+    for name in ("fallen", "lost", "near"):
+        found[name] = [100 * lanes[cell][name].mean() for cell in found.index]
+    for name, column in (("median", f"{judged}_median"), ("worst", f"{judged}_max")):
+        found[name] = stored[column].mask(stored[column] < negligible_errors(results), 0.0)
+    found["out"] = stored["outside_max"] if is_leaderless(cells) else np.nan
+    found["falling"] = found.index.isin(falling_cells(results))
+    found["against"] = [against.get(cell) for cell in found.index]
+    return found
+
+
 def fields_html(
-    results: Results, laid: GridLayout, lanes: JudgedLanes, against: Mapping[int, str]
+    results: Results, laid: GridLayout, lanes: JudgedLanes, numbers: pd.DataFrame
 ) -> dict[tuple[Combination, Combination], str]:
-    """Each field: lanes that do not hold, why lanes failed, errors, and what is found `against`."""
-    alone, failures = is_leaderless(results.study.cells), failed_kinds(results)
-    table: Any = results.cells.reset_index(drop=True)
-    medians = table[f"{judged_metric(results.study.cells)}_median"]
-    falling = {*falling_cells(results)}
-    medians = medians.mask(medians < negligible_errors(results), 0.0)
-    word, tells, found = judged_word(results), has_verdict(results), {}
+    """Each field: lanes that do not hold, why lanes failed, lengths, and what is found."""
+    failures, word, tells = failed_kinds(results), judged_word(results), has_verdict(results)
+    outside, found = outside_by_draw(results, lanes) if tells else {}, {}
     for row, mine in laid.fields.items():
         for column, cells in mine.items():
-            shares = pd.Series([100 * lanes[cell]["fallen"].mean() for cell in cells])
+            known: Any = numbers.loc[cells]
             reasons = sum((failures.get(cell, Counter()) for cell in cells), Counter())
-            error = lengths_text(word, medians[cells], laid.listed)
-            told = [f"<b>{numbers_text(shares, percent_text, laid.listed)} %</b>" * tells]
-            told += [counted(reasons), error]
-            lost = pd.Series([100 * lanes[cell]["lost"].mean() for cell in cells])
-            if lost.any():
-                told.append(f"lost {numbers_text(lost, percent_text, laid.listed)} %")
-            if alone:
-                told.append(lengths_text("out", table.loc[cells, "outside_max"], laid.listed))
-            told.append(f"{word} still falls" * bool(falling & {*cells}))
-            told.append(found_words([against[cell] for cell in cells if cell in against]))
-            colour = f' style="--lost: {shares.mean():.0f}"' * tells
+            median = lengths_text(known["median"], laid.listed)
+            greatest = known["worst"] if laid.listed else known["worst"].nlargest(1)
+            worst = lengths_text(greatest, laid.listed)
+            out = lengths_text(known["out"], laid.listed)
+            lost, near = (
+                numbers_text(known[name], percent_text, laid.listed) for name in ("lost", "near")
+            )
+            told = [f"<b>{shares_text(results, laid, known['fallen'])}</b>" * tells]
+            told += [counted(reasons), f"{word} {median}" * bool(median)]
+            told += [f"worst lane {worst}" * (worst != median)]
+            told += [f"lost {lost} %" * bool(known["lost"].any()), f"out {out}" * bool(out)]
+            told += [f"too near {near} %" * bool(known["near"].any())]
+            told += [f"{word} still falls" * bool(known["falling"].any())]
+            told += [draws_text([(lanes[n]["fallen"], outside[n]) for n in cells if n in outside])]
+            told += [found_words(known["against"].dropna().tolist())]
+            colour = f' style="--lost: {known["fallen"].mean():.0f}"' * tells
             text = "<br>".join(filter(None, told))
             found[row, column] = f"<td{colour}>{text}</td>"
     return found
+
+
+def draws_text(drawn: Sequence[tuple[pd.Series, pd.Series]]) -> str:
+    """How many lanes do not hold, of those whose draw is outside the assumptions, and within."""
+    if not drawn:
+        return ""
+    fallen, beyond = (pd.concat(each).to_numpy() for each in zip(*drawn, strict=True))
+    if beyond.all():
+        return ""
+    outside, within = (f"{fallen[each].sum():,} of {each.sum():,}" for each in (beyond, ~beyond))
+    return f"{outside} lanes outside {OF_ASSUMPTIONS}, {within} within"
 
 
 def has_verdict(results: Results) -> bool:
@@ -184,9 +220,26 @@ def has_verdict(results: Results) -> bool:
     return results.study.config.recovery is not None or is_leaderless(results.study.cells)
 
 
-def lengths_text(word: str, values: pd.Series, listed: bool) -> str:
-    told = numbers_text(values, near_text, listed) if values.notna().any() else ""
-    return f"{word} {told}{NO_BREAK}m" * bool(told)
+def shares_text(results: Results, laid: GridLayout, shares: pd.Series) -> str:
+    """Shares [%] of a field; with a single setting of numbers, how far those at its ends reach."""
+    told = f"{numbers_text(shares, percent_text, laid.listed)} %"
+    key = next(iter(laid.settings), "")
+    values = [results.study.cells[cell].labels.get(key, "") for cell in shares.index]
+    if laid.listed or len(laid.settings) != 1 or any(isinstance(each, str) for each in values):
+        return told
+    sized: Any = shares.set_axis(values).sort_index()
+    texts: Any = sized.map(percent_text)
+    first, last = texts.iloc[0], texts.iloc[-1]
+    if first == last or {sized.iloc[0], sized.iloc[-1]} != {sized.min(), sized.max()}:
+        return told
+    until = value_name(key, texts.index[(texts == first).cummin()][-1])
+    since = value_name(key, texts.index[(texts == last)[::-1].cummin()[::-1]][0])
+    return f"{first} % up to {until}, {last} % from {since}"
+
+
+def lengths_text(lengths: pd.Series, listed: bool) -> str:
+    told = numbers_text(lengths, near_text, listed) if lengths.notna().any() else ""
+    return f"{told}{NO_BREAK}m" * bool(told)
 
 
 def near_text(length: float) -> str:
@@ -203,7 +256,7 @@ def numbers_text(values: pd.Series, text: Callable[[float], str], listed: bool) 
 
 def against_none(results: Results, key: str, lanes: JudgedLanes) -> dict[int, str]:
     """What tests find of cells against those whose choice is none; "" of no difference."""
-    texts: Any = swept_texts(results)[attacked_mask(results.study.cells)]
+    texts: Any = swept_texts(results)
     found = decisions(results, lanes, texts[key], texts.drop(columns=key))
     return {cell: each.words for (cell, other), each in found.items() if texts[key][other] == NONE}
 
@@ -236,6 +289,9 @@ def grid_words(results: Results, laid: GridLayout, lanes: JudgedLanes, tests: st
             notes.append(f"{100 * sure:g} % intervals of these shares reach at most {most}")
     if any(lanes[cell]["lost"].any() for cell in cells):
         notes.insert(0, f"lost: an error over {LOST:,} times the sum of ā and the farthest start")
+    if asked := separation_asked(results):
+        near = f"too near: lanes in which two vehicles come nearer than D = {asked[1]:g} m"
+        notes.insert(0, f"{near}; filters are compared by these lanes, not by errors")
     if is_leaderless(results.study.cells):
         notes.insert(0, "out: how far the worst lane of a cell leaves the hull of the starts")
     many = count_between(sizes.tolist(), "lane")

@@ -9,41 +9,19 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.kinds.metrics import LANE_STATISTICS
+from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR, attack_size
 from jaxnet.statistics.horizon import lost_limits
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
 from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
-from jaxnet.statistics.tiles import lost_name, share_lost
+from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import joined_names, where_words
 
-FAILED, OUTSIDE = "lanes failed", "lanes outside the hull"
 NEGLIGIBLE = 1e-3  # of what a study asks for
-
-
-class ComparedBy(NamedTuple):
-    """A number of each lane, the less the better, by which values of a key are compared.
-
-    Attributes
-    ----------
-    name
-        What is compared, the subject of a sentence.
-    better, worse
-        What a test finds of the first of two values, a clause.
-    values
-        The number of each cell, by its number.
-    lanes
-        Numbers of each cell's lanes, by sample.
-    """
-
-    name: str
-    better: str
-    worse: str
-    values: pd.Series
-    lanes: Mapping[int, pd.Series]
 
 
 JudgedLanes = Mapping[int, Any]  # from `judged_lanes`
@@ -136,12 +114,15 @@ def judged_lanes(results: Results, cells: Iterable[int]) -> dict[int, Any]:
     - `failed`; `lost`: far beyond ā and the starts; `gone`: either
     - `unrecovered`: failed, or above what the study asks for
     - `out`: outside the hull of the starts, without a navigator; `way` [m]: how far
+    - `near`: two vehicles came nearer than a filter asks for
     - `fallen`: unrecovered or out; the others hold
     - `error` [m]: the mean error, or the spread; 0 where the study asks for no less
     """
     judged, asked = judged_metric(results.study.cells), results.study.config.recovery
     alone, limits = is_leaderless(results.study.cells), lost_limits(results)
     columns, found = ["sample", "status", judged, *["outside"] * alone], dict[int, Any]()
+    name, least = separation_asked(results) or ("", 0.0)
+    columns += [name] * bool(name)
     for cell, lanes in results.by_cell(*columns, cells={*cells}):
         mine, error, failed = results.study.cells[cell], lanes[judged], lanes["status"] != "ok"
         way = lanes["outside"] if alone else 0.0 * error
@@ -153,12 +134,22 @@ def judged_lanes(results: Results, cells: Iterable[int]) -> dict[int, Any]:
                 "gone": failed | lost,
                 "unrecovered": failed | (error > size),
                 "out": way > mine.scenario.engine.accuracy,
+                "near": lanes[name] < least if name else False,
                 "way": way.mask(way <= mine.scenario.engine.accuracy, 0.0),
                 "error": error.mask(error <= np.fmax(size, ROUNDING_ERROR), 0.0),
             }
         ).set_axis(lanes["sample"])
         found[cell]["fallen"] = found[cell]["unrecovered"] | found[cell]["out"]
     return found
+
+
+def separation_asked(results: Results) -> tuple[str, float] | None:
+    """The metric of least distances, and the distance D [m] that filters keep; None without."""
+    metrics = results.study.config.metrics
+    name = next((each.name for each in metrics if each.base == MIN_SEPARATION.name), None)
+    asked = (cell.scenario.filter.asks() for cell in results.study.cells)
+    limits = [each for each in asked if each is not None]
+    return (name, max(limits)) if name is not None and limits else None
 
 
 def held_word(results: Results) -> str:
@@ -190,17 +181,6 @@ def known_shares(results: Results) -> pd.DataFrame:
     return 100 * found.reset_index(drop=True).dropna()
 
 
-def share_compared(
-    lanes: JudgedLanes, column: str, name: str, better: str, worse: str
-) -> ComparedBy | None:
-    """A column of flags to compare values by; None if it has all lanes, or none."""
-    flags = {cell: each[column] for cell, each in lanes.items()}
-    values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
-    if not 0 < values.mean() < 100:
-        return None
-    return ComparedBy(name, better, worse, values, flags)
-
-
 def negligible_errors(results: Results) -> Float[np.ndarray, " cells"]:
     """Errors [m] that are far below what a study asks for, by cell; 0 if it asks for nothing."""
     asked = results.study.config.recovery
@@ -213,37 +193,6 @@ def is_negligible(results: Results, errors: CellErrors) -> bool:
     least = negligible_errors(results)
     most = errors.values["value"].to_numpy().max()
     return errors.unit == "m" and bool(most < least[least > 0].min(initial=np.inf) < np.inf)
-
-
-def measures_compared(results: Results, errors: CellErrors, lanes: JudgedLanes) -> list[ComparedBy]:
-    """What the values of a swept kind are compared by; no errors where all are negligible."""
-    flags = (
-        ("failed", FAILED, "fewer lanes fail", "more lanes fail"),
-        ("lost", "lanes lost", "fewer lanes are lost", "more lanes are lost"),
-        (
-            "out",
-            OUTSIDE,
-            "fewer lanes leave the hull",
-            "more lanes leave the hull",
-        ),
-    )
-    found = [each for told in flags if (each := share_compared(lanes, *told))]
-    if errors.values.empty or is_negligible(results, errors):
-        return found
-    word = judged_word(results)
-    ended = " of lanes that ended" * bool(results.manifest["lanes"]["failed"])
-    shares: Any = settled(results, known_shares(results))["value"]
-    if results.study.config.recovery is not None and shares.nunique() > 1:
-        what, name = held_word(results), f"lanes {lost_name(results)}"
-        flagged = {cell: lanes[cell]["unrecovered"] for cell in shares.index}
-        better, worse = f"more lanes {what}", f"fewer lanes {what}"
-        found += [ComparedBy(name, better, worse, shares, flagged)]
-    if shares.empty or shares.any():  # else all errors are below what is asked
-        values: Any = errors.values["value"]
-        numbers = {cell: lanes[cell]["error"] for cell in values.index}
-        better, worse = f"the {word} is smaller", f"the {word} is greater"
-        found += [ComparedBy(word + ended, better, worse, values, numbers)]
-    return found
 
 
 def judged_word(results: Results) -> str:

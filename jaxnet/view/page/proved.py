@@ -3,13 +3,20 @@
 from collections.abc import Sequence
 from html import escape
 
+import numpy as np
+import pandas as pd
+
 from jaxnet.kinds.kind import vehicle_numbers
+from jaxnet.lanes.jobs import first_attacked_vehicles
 from jaxnet.model.wording import count, ranges
 from jaxnet.store.results import Results
+from jaxnet.view.page.judged import JudgedLanes
 from jaxnet.view.page.where import where_words
 from jaxnet.view.text.check import AlikeCells
 from jaxnet.view.text.facts import UNPROVED, attacked_at_once, starved_words
 from jaxnet.view.text.verdict import NO_AGREEMENT, OF_BOUNDS, OF_LIARS, OF_REST, Claim
+
+MOST_DRAWS = 20_000  # different sets of drawn vehicles that are tried; a few seconds
 
 
 def proved_sentence(results: Results, theory: Sequence[AlikeCells]) -> str:
@@ -44,6 +51,31 @@ def ideal_sentence(results: Results) -> str:
         return ""
     told = f"<b>Detectors know the true motion</b> {where_words(results, ideal)}".rstrip()
     return f"{told}: an ideal observer, which no real vehicle has."
+
+
+def outside_by_draw(results: Results, lanes: JudgedLanes) -> dict[int, pd.Series]:
+    """Whether the vehicles that are drawn for a lane are more than its defence is set for.
+
+    By sample, for each cell where this depends on the draw; a few thousand sets of vehicles at
+    most.
+    """
+    found, left = dict[int, pd.Series](), MOST_DRAWS
+    for cell in results.study.cells:
+        scenario, samples = cell.scenario, lanes[cell.number].index
+        attack, defence = scenario.attack, scenario.defence
+        graph, attacked, trusted = attacked_at_once(scenario)
+        drawn = attack.number() and not attack.targets()
+        if not drawn or not defence.outnumbered(graph, attacked, trusted).any():
+            continue
+        vehicles = first_attacked_vehicles(results.study.config, scenario, samples.tolist())
+        sets, which = np.unique(vehicles, axis=1, return_inverse=True)
+        left -= sets.shape[1]
+        if left < 0:
+            break
+        links = (attack.on(vehicle_numbers(each)).attacked_links(graph) for each in sets.T)
+        beyond = [defence.outnumbered(graph, each, trusted).any() for each in links]
+        found[cell.number] = pd.Series(np.array(beyond)[which], index=samples)
+    return found
 
 
 def outnumbered_sentence(results: Results) -> str:
