@@ -192,6 +192,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "uncut": "alarms cut messages or links",
     "on time": "messages are late",
     "one network": "networks take turns",
+    "same links": "each lane has links of its own",
     "alike": "networks, weights or gains are drawn for each lane",
     "one gain": "gains differ by axis or vehicle, or couple the axes",
     "bounded": "ā does not bound the attack",
@@ -218,7 +219,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
 EVERY_MESSAGE = ("exact sensors", "exact messages", "every message", "uncut", "on time")
 EVERY_MESSAGE += ("one network",)
 # At last (theorems.md O1)
-MOTION = (*EVERY_MESSAGE, "solved", "flat", "unfiltered", "continuous", "settled")
+MOTION = (*EVERY_MESSAGE, "same links", "solved", "flat", "unfiltered", "continuous", "settled")
 BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
     *("leader", *EVERY_MESSAGE, "alike", "one gain", "bounded", "one identity", "by law"),
     *("solved", "flat", "unfiltered", "continuous", "retained"),

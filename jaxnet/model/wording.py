@@ -2,9 +2,10 @@
 
 import math
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from decimal import ROUND_HALF_UP, Decimal
 
+Named = Callable[[Sequence[int]], str]  # names cells by their numbers
 MOST_RUNS = 12  # of cells that are named
 RESULT_DIGITS = 3  # significant ones of a result wherever a reader sees it; CSV files have all
 NAME_DIGITS = 4  # of a swept value, which names a cell

@@ -22,8 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
-from jaxnet.model.wording import cells_named
-from jaxnet.statistics.horizon import Named
+from jaxnet.model.wording import Named, cells_named
 from jaxnet.store.results import Results
 
 CHANGES = (0.05, 0.2)  # of the error; what is smaller is no change

@@ -1,6 +1,6 @@
 """What a study asks for, beside what theory says that starts and errors alone leave."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.scenario import broken_premise, for_any_signal, missing
-from jaxnet.model.wording import cells_named
+from jaxnet.model.wording import Named, cells_named
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.recovery import threshold
 from jaxnet.store.looking import known_or
@@ -21,7 +21,6 @@ from jaxnet.theory.run_lengths import mean_run
 from jaxnet.theory.start import Start, start_sizes
 from jaxnet.theory.theorems import OF_ALARMS, START, errors_leave
 
-Named = Callable[[Sequence[int]], str]  # names cells by their numbers
 LOST = 1000  # times ā and the farthest start
 LEAST_LEFT = 1e-3  # of a start, where a study asks for no length
 

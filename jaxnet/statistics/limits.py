@@ -32,7 +32,7 @@ from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
-from jaxnet.model.wording import cells_named
+from jaxnet.model.wording import Named, cells_named
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, solution
@@ -87,10 +87,10 @@ def unchecked(cells: Sequence[Cell]) -> dict[str, list[int]]:
     return found
 
 
-def unchecked_words(cells: Sequence[Cell]) -> str:
+def unchecked_words(cells: Sequence[Cell], named: Named = cells_named) -> str:
     """The unchecked cells with their reasons; "" if there are none."""
     found = unchecked(cells)
-    return "; ".join(f"{cells_named(numbers)}: {why}" for why, numbers in found.items())
+    return "; ".join(f"{named(numbers)}: {why}" for why, numbers in found.items())
 
 
 def at_once_words(cells: Sequence[Cell]) -> str:

@@ -23,7 +23,7 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Criterion, Recovery, Sequential
 from jaxnet.config.naming import NO_BREAK
 from jaxnet.config.study import Study
-from jaxnet.model.wording import cells_named
+from jaxnet.model.wording import Named, cells_named
 from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.curves import mostly_failed, unrecovered_shares
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
@@ -31,7 +31,6 @@ from jaxnet.statistics.intervals import CONFIDENCE, ROUNDING_SPREAD, clopper_pea
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
-MOST_FALLS = 4  # cells that a warning names
 FIRST_LOOK = 256  # samples of a cell
 LEAST_APART = 1e-9  # [m], or of ā; lanes that differ by less are equally bad
 
@@ -73,7 +72,7 @@ def share_definition(asked: Recovery, cells: Sequence[Cell]) -> str:
     return f"{share_name(cells)}{also}: {criterion_words(asked, cells)}"
 
 
-def lowered_words(results: Results, cells: Sequence[Cell]) -> str:
+def lowered_words(results: Results, cells: Sequence[Cell], named: Named = cells_named) -> str:
     """Tell where the share unrecovered surely falls as ā grows, and why that may be; else "".
 
     The threshold τ ā allows an error that does not depend on ā at a great ā, not at a small one.
@@ -87,15 +86,11 @@ def lowered_words(results: Results, cells: Sequence[Cell]) -> str:
     falls = [(small, great) for small, great in pairs if low[small] > high[great]]
     if asked is None or not falls:
         return ""
-    found = dict[int, list[int]]()
-    for small, great in falls:
-        found.setdefault(small, []).append(great)
-    pairs = [f"in cell {small} than in {cells_named(found[small])}" for small in sorted(found)]
-    told = "; ".join([*pairs[:MOST_FALLS], *["…"] * (len(pairs) > MOST_FALLS)])
+    where = named(sorted({number for pair in falls for number in pair}))
     what = "spread" if is_leaderless(cells) else "error"
     size = "ā" if asked.of == "magnitude" else "times the amplitude in force"
     return (
-        f"the share {share_name(cells)} falls as ā grows: it is greater {told}. The threshold of"
+        f"the share {share_name(cells)} falls as ā grows in {where}. The threshold of"
         f" {asked.tau:g}{NO_BREAK}{size} grows with ā, the {what} does not grow in proportion. At a"
         f" small ā noise, loss, delay or a transient may decide, or only great attacks are stopped:"
         f" compare the {what}s in metres"

@@ -38,19 +38,22 @@ class Theorem(NamedTuple):
 
 AT_LAST = ("leader", *MOTION)
 AS_ASKED = ("flat", "unfiltered", "uncut", "continuous")
-LIVE = (*AS_ASKED, "one network", "every message", "on time")
+OF_LINKS = ("leader", "same links")
+LIVE = (*AS_ASKED, "one network", "same links", "every message", "on time")
 OF_LAWS = ("one gain", *LIVE, "unheld", "small")
 OF_HELD_LAWS = tuple(each for each in OF_LAWS if each != "continuous")
 OF_ERRORS = ("solved", "one gain", "alike", *LIVE, "unrounded messages", "ticks")
-OF_DELAY = (*AS_ASKED, "one network", "every message", "no decisions", "steady delay", "small")
-MEAN_SQUARE = ("one gain", *AS_ASKED, "one network", "on time", "drops", "no decisions", "small")
-WHILE_REACHED = ("leader", "solved", *AS_ASKED, "one network", "on time", "drops")
+OF_DELAY = (*AS_ASKED, "one network", "same links", "every message", "no decisions")
+OF_DELAY += ("steady delay", "small")
+MEAN_SQUARE = ("one gain", *AS_ASKED, "one network", "same links", "on time", "drops")
+MEAN_SQUARE += ("no decisions", "small")
+WHILE_REACHED = (*OF_LINKS, "solved", *AS_ASKED, "one network", "on time", "drops")
 # Of vehicles that move as asked while they are not clipped, and do not stop
 WITHIN = ("one gain", *(each for each in AT_LAST if each != "flat"))
-IN_TURNS = ("leader", "small", "solved", *AS_ASKED)
+IN_TURNS = (*OF_LINKS, "small", "solved", *AS_ASKED)
 # Until an alarm cuts something
 OF_ALARMS = ("white", "unrounded messages", "every message", "on time", "foretold", "ticks")
-OF_CUTS = ("leader", "one network", "no decisions", "small")
+OF_CUTS = (*OF_LINKS, "one network", "no decisions", "small")
 OF_LIES = (*OF_ALARMS, *OF_CUTS, "flat", "unfiltered", "continuous", "solved", "one gain", "alike")
 OF_LIES += ("one identity", "by law")
 OF_SEPARATION = ("flat", "filtered", "true places")
@@ -59,12 +62,12 @@ OF_SEPARATION = ("flat", "filtered", "true places")
 START = Theorem("O1", "start", AT_LAST, start_decay)
 
 THEOREMS = (
-    Theorem("O5", "inverse norm", ("leader",), certificate.inverse_norm_of),
-    Theorem("Assumption 1", "honest paths", ("leader",), certificate.honest_paths),
-    Theorem("O11", "cut off", ("leader",), certificate.droppable),
-    Theorem("O1", "reach", ("leader", "small"), certificate.reach_in_turns),
+    Theorem("O5", "inverse norm", OF_LINKS, certificate.inverse_norm_of),
+    Theorem("Assumption 1", "honest paths", OF_LINKS, certificate.honest_paths),
+    Theorem("O11", "cut off", OF_LINKS, certificate.droppable),
+    Theorem("O1", "reach", (*OF_LINKS, "small"), certificate.reach_in_turns),
     Theorem("O1", "nominal", IN_TURNS, certificate.nominal_in_turns),
-    Theorem("O9", "alone", (), tolerance.alone),
+    Theorem("O9", "alone", ("same links",), tolerance.alone),
     Theorem("O9", "agreement", (), tolerance.agreement),
     Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors),
     Theorem("O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages),
@@ -79,7 +82,7 @@ THEOREMS = (
     Theorem("O16", "follows lines", (*OF_DELAY, "solved"), delay.follows_lines),
     Theorem("O16", "greatest delay", (*OF_DELAY, "solved", "one gain"), delay.greatest_delay),
     Theorem("O16", "growth when late", (*OF_DELAY, "one gain"), delay.growth_when_late),
-    Theorem("Yemini et al. 2022", "misjudged", (), misjudged.misjudged),
+    Theorem("Yemini et al. 2022", "misjudged", ("same links",), misjudged.misjudged),
     Theorem("Olfati-Saber 2004", "common margin", (*OF_DELAY, "one gain"), delay.common_margin),
     Theorem("O11", "safe", AT_LAST, safe.safe_vehicles),
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxnet.config.scenario import EVERY_MESSAGE, broken_premise, greatest_strength
 from jaxnet.kinds.fields import value_range
-from jaxnet.model.graph import dense
+from jaxnet.model.graph import Digraph, Links, dense
 from jaxnet.theory import integer, robustness
 from jaxnet.theory.case import Case
 from jaxnet.theory.integer import RobustnessBracket
@@ -38,6 +38,16 @@ def alone(case: Case) -> VehiclesAlone | None:
     found = robustness.robustness(heard)
     r, total = len(found), robustness.most_total(found)
     return VehiclesAlone(found, RobustnessBracket(r, r), RobustnessBracket(total, total))
+
+
+def is_borne(graph: Digraph, attacked: Links, liars: int, F: int) -> bool | None:
+    """Whether W-MSR bears these liars on a graph, by its robustness (O9); None for large fleets."""
+    if graph.vehicles > robustness.MOST_NODES:
+        return None
+    each = int(np.minimum(attacked.sum(axis=1), liars).max(initial=0))
+    found = robustness.robustness(dense(graph)[:, 1:] > 0)
+    in_all = liars <= F <= robustness.most_total(found)
+    return in_all or each <= F <= robustness.most_local(len(found))
 
 
 class Agreement(NamedTuple):

@@ -159,7 +159,7 @@ def test_a_share_that_falls_as_the_attack_grows_is_told_wherever_results_are(
     short, undrawn, monkeypatch
 ):
     """A transient is over τ ā at 0.1 m and 1 m, and not at 100 m, whatever the attack does."""
-    told = "the share unrecovered falls as ā grows: it is greater in cell 0 than in cell 2;"
+    told = "the share unrecovered falls as ā grows in cells 0-2"
     assert told in one_line(summary_text(short))
     monkeypatch.setattr(fits, "RESAMPLES", 2)
     short.fit()

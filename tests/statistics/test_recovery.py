@@ -69,7 +69,7 @@ def test_only_shares_that_surely_fall_as_the_attack_grows_are_told(tmp_path, mon
         assert told([(low, high), none, (0.1, 0.5), other, none, (0.0, 0.05)]) == ""
     rest = [(0.5, 0.6), none, (0.4, 0.5)]
     words = told([(0.0, 0.2), none, (0.5, 0.9), *rest])
-    assert "it is greater in cell 2 than in cell 0. The threshold" in words
+    assert "falls as ā grows in cells 0, 2. The threshold" in words
     assert "The threshold of 1\N{NO-BREAK SPACE}ā grows with ā" in words
     monkeypatch.setattr(recovery, "mostly_failed", lambda _: [2])
     assert told([(0.0, 0.2), none, (0.5, 0.9), *rest]) == ""

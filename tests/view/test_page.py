@@ -332,7 +332,7 @@ TOLD = [
     (
         [1e9, 1e5],
         {"sweep": {"defence": ["none", "w_msr"]}} | ROTATING,
-        "over 1,000 times the sum of ā and the farthest start) in cell 0.</li>",
+        "1,000 times the sum of ā and the farthest start) in cell 0 (no\xa0defence).</li>",
     ),
     (
         [0.01],

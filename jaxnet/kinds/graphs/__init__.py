@@ -142,7 +142,8 @@ class Graph(Kind):
         return bool(self.drawn_keys())
 
     def breaks(self):
-        return broken(one_network=len(self.turns()) > 1, alike=self.differs())
+        several = len(self.turns()) > 1
+        return broken(one_network=several, same_links=self.redrawn(), alike=self.differs())
 
     def redrawn(self) -> bool:
         """Whether lanes have links of their own, not only weights."""

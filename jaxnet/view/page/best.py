@@ -80,6 +80,8 @@ def dropping_words(results: Results, cells: Sequence[int]) -> str:
     found, led = list[int](), True
     for cell in cells:
         scenario = results.study.cells[cell].scenario
+        if scenario.topology.redrawn():
+            continue
         graph, _, trusted = attacked_at_once(scenario)
         drops, led = scenario.defence.may_drop(graph, trusted), scenario.navigator.present
         neighbours = graph.heard & (graph.sources > 0)

@@ -52,6 +52,7 @@ from jaxnet.view.page.where import MOST_TOLD, span_words, where_words
 from jaxnet.view.text import worst
 from jaxnet.view.text.check import AlikeCells
 from jaxnet.view.text.tables import grave_warnings, other_warnings
+from jaxnet.view.text.width import numbered_words
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MEDIAN_LANE = {  # by `judged_word`
@@ -82,7 +83,7 @@ def findings_section(
         proved_sentence(results, theory),
         failed_sentence(results),
         isolated_sentence(results),
-        *(f"<b>Warning:</b> {each}." for each in grave_warnings(results)),
+        *(f"<b>Warning:</b> {each}." for each in grave_warnings(results, cells)),
         outside_sentence(results) if alone else "",
         "" if grid else unrecovered_sentence(results),
         f"{RISING}{errors.rising}" * bool(errors.rising)
@@ -94,7 +95,7 @@ def findings_section(
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         ideal_sentence(results),
         outnumbered_sentence(results),
-        *(f"<b>Warning:</b> {each}." for each in other_warnings(results)),
+        *(f"<b>Warning:</b> {each}." for each in other_warnings(results, cells)),
     ]
     body = paragraph(best) * bool(best) + grid + bullets(sentences) + tests_html(results, lanes)
     body = body.replace(" %", f"{NO_BREAK}%").replace(ROUNDED, "0")
@@ -342,7 +343,8 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
         above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>. '
         told += above if many else "No lane is above its bound. "
-    if unchecked := unchecked_words(results.study.cells):
+    named = functools.partial(numbered_words, cells=results.study.cells)
+    if unchecked := unchecked_words(results.study.cells, named):
         told += f"No bound is known for {escape(unchecked)}. "
     if at_once := at_once_words(results.study.cells):
         told += f"{at_once.capitalize()}."

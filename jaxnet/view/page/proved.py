@@ -6,10 +6,13 @@ from html import escape
 import numpy as np
 import pandas as pd
 
+from jaxnet.config.keys import Scenario
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.lanes.jobs import first_attacked_vehicles
+from jaxnet.lanes.jobs import first_attacked_vehicles, lane_graphs
+from jaxnet.model.graph import Digraph
 from jaxnet.model.wording import count, ranges
 from jaxnet.store.results import Results
+from jaxnet.theory.tolerance import is_borne
 from jaxnet.view.page.judged import JudgedLanes
 from jaxnet.view.page.where import where_words
 from jaxnet.view.text.check import AlikeCells
@@ -54,34 +57,53 @@ def ideal_sentence(results: Results) -> str:
 
 
 def outside_by_draw(results: Results, lanes: JudgedLanes) -> dict[int, pd.Series]:
-    """Whether the vehicles that are drawn for a lane are more than its defence is set for.
+    """Whether the draw of a lane is outside the assumptions of its defence, by sample.
 
-    By sample, for each cell where this depends on the draw; a few thousand sets of vehicles at
-    most.
+    Only of cells whose lanes draw their attacked vehicles or their links, while there are at most
+    a few thousand different draws.
     """
     found, left = dict[int, pd.Series](), MOST_DRAWS
     for cell in results.study.cells:
         scenario, samples = cell.scenario, lanes[cell.number].index
-        attack, defence = scenario.attack, scenario.defence
-        graph, attacked, trusted = attacked_at_once(scenario)
-        drawn = attack.number() and not attack.targets()
-        if not drawn or not defence.outnumbered(graph, attacked, trusted).any():
+        redrawn, attack = scenario.topology.redrawn(), scenario.attack
+        if not attack.number() or (attack.targets() and not redrawn):
             continue
-        vehicles = first_attacked_vehicles(results.study.config, scenario, samples.tolist())
-        sets, which = np.unique(vehicles, axis=1, return_inverse=True)
-        left -= sets.shape[1]
+        given = results.study.config, scenario, samples.tolist()
+        sets, which = np.unique(first_attacked_vehicles(*given), axis=1, return_inverse=True)
+        left -= len(samples) if redrawn else sets.shape[1]
         if left < 0:
             break
-        links = (attack.on(vehicle_numbers(each)).attacked_links(graph) for each in sets.T)
-        beyond = [defence.outnumbered(graph, each, trusted).any() for each in links]
-        found[cell.number] = pd.Series(np.array(beyond)[which], index=samples)
+        if redrawn:
+            draws = zip(lane_graphs(*given), sets.T[which], strict=True)
+            which = slice(None)
+        else:
+            draws = ((attacked_at_once(scenario)[0], each) for each in sets.T)
+        beyond = [is_outside(scenario, graph, vehicle_numbers(each)) for graph, each in draws]
+        if any(beyond):
+            found[cell.number] = pd.Series(np.array(beyond)[which], index=samples)
     return found
+
+
+def is_outside(scenario: Scenario, graph: Digraph, vehicles: list[int]) -> bool:
+    """Whether a defence is not set for an attack on these vehicles of a graph.
+
+    Without a navigator a defence for up to F liars asks for a graph that is robust enough, else no
+    vehicle may hear more attacked sources than it bears.
+    """
+    defence, attacked = scenario.defence, scenario.attack.on(vehicles).attacked_links(graph)
+    if scenario.leaderless and (F := defence.tolerates()) is not None:
+        borne = is_borne(graph, attacked, len(vehicles), F)
+        if borne is not None:
+            return not borne
+    return bool(defence.outnumbered(graph, attacked, defence.trusts(graph)).any())
 
 
 def outnumbered_sentence(results: Results) -> str:
     """Where vehicles hear more attacked sources than they can drop, or at some ticks too few."""
     found, starved = dict[tuple[str, str, str], list[int]](), dict[str, list[int]]()
     for cell in results.study.cells:
+        if cell.scenario.topology.redrawn():
+            continue
         defence, given = cell.scenario.defence, attacked_at_once(cell.scenario)
         (graph, attacked, trusted), which = given, defence.outnumbered(*given)
         drops = defence.may_drop(graph, trusted).links.any(axis=1)

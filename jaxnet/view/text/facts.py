@@ -113,6 +113,8 @@ def cut_off_words(lost: list[int], scenario: Scenario) -> str:
 def defence_lines(scenario: Scenario) -> Facts:
     """What a defence says of itself; of attackers that are drawn, for the worst draw."""
     defence, given = scenario.defence, attacked_at_once(scenario)
+    if scenario.topology.redrawn():
+        return {}
     drawn = not scenario.attack.targets() and defence.outnumbered(*given).any()
     worst = "; each vehicle counts with its worst draw of attacked vehicles" * bool(drawn)
     lost = f"; {starved_words(scenario)}".removesuffix("; ")
@@ -146,8 +148,11 @@ def network_lines(case: Case, told: Facts) -> Facts:
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)
         navigator = f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)"
+    links = f"{size}: {'; '.join(hears)}"
+    if scenario.topology.redrawn():
+        links = f"{count(scenario.vehicles, 'vehicle')}; each lane has links of its own"
     return {
-        "graph": f"{size}: {'; '.join(hears)}",
+        "graph": links,
         "names": ", ".join(names[:MOST_NAMED_VEHICLES]) + more,
         "‖L⁻¹‖₂": told.get("inverse norm", ""),
         "robustness": told.get("alone", ""),
@@ -168,7 +173,8 @@ def attack_line(case: Case) -> str:
     line += ", in place of what is sent" * attack.replaces()
     line += ", and they move as they tell" * attack.as_told()
     over = "over all times " if periods else "over all draws " * (not attack.targets())
-    line += f"; {over}the attack is on {count(int(attacked.sum()), 'link')}"
+    on = f"; {over}the attack is on {count(int(attacked.sum()), 'link')}"
+    line += on * (not scenario.topology.redrawn())
     if not attack.bounded:
         line += "; ā does not bound the attack, so no bound on errors holds"
     elif not (attack.consistent() or attack.misuses()):
@@ -300,7 +306,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "safe": safe,
         **announced,
         "proof ends": told.get("proof ends", "") if proved else "",  # where there is a proof
-        "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
+        "weights": f"drawn for each lane; {medians}" * scenario.topology.differs(),
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", "") + ("; `start` is sharper" * ({"decay", "start"} <= {*told})),
         "start": told.get("start", ""),

@@ -215,7 +215,7 @@ def other_warnings(results: Results, some: Sequence[Cell] | None = None) -> list
     named = partial(numbered_words, cells=some) if some else cells_named
     config, cells = results.study.config, some or results.study.cells
     told = errors_words(config, cells, named), cuts_words(cells, named)
-    told += recovery.lowered_words(results, cells), *misfit_words(results, cells)
+    told += recovery.lowered_words(results, cells, named), *misfit_words(results, cells)
     return [*filter(None, told)]
 
 

@@ -28,8 +28,8 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
     """Claims of theory about a cell: proofs under an attack, and what may go wrong."""
     scenario, defence = case.scenario, case.scenario.defence
     graph, attacked, trusted = attacked_at_once(scenario)
-    drops, surely = defence.may_drop(graph, trusted), dropping_all(scenario).any()
-    dropped = drops.links[np.asarray(drops.number) > 0].any()
+    drops, known = defence.may_drop(graph, trusted), not scenario.topology.redrawn()
+    dropped, surely = drops.links[np.asarray(drops.number) > 0].any(), dropping_all(scenario).any()
     agreed = "agreement" in found and found["agreement"].proved
     for name in (name for name, line in lines.items() if UNSTABLE in line):
         yield 0, f"WARNING: unstable, deviations grow (line `{name}`)"
@@ -46,7 +46,7 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         unknown = missing(scenario, BOUNDS) or np.isinf(found.get("inverse norm", 0.0))
         if not safe.all():
             yield UNBOUNDED if unknown else (OF_BOUNDS, "Errors have a proved bound (`jaxnet fit`)")
-    if scenario.attack.present and defence.outnumbered(graph, attacked, trusted).any():
+    if known and scenario.attack.present and defence.outnumbered(graph, attacked, trusted).any():
         hears = "hears" if scenario.attack.targets() else "may hear"
         yield OF_LIARS, f"A vehicle {hears} more attackers than its defence bears"
     if scenario.attack.present and "honest paths" in found and found["honest paths"].cut_off:
@@ -54,7 +54,7 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         whom = f"vehicle{'' if far.isdigit() else 's'} {far}"
         drawn = "" if scenario.attack.targets() else ", in some lanes"
         yield 4, f"No honest path leads from the navigator to {whom}{drawn}"
-    if scenario.leaderless and surely:
+    if known and scenario.leaderless and surely:
         yield 5, "A vehicle drops all sources (F too great), and stays where it starts"
     elif scenario.leaderless and not agreed and dropped:
         yield 5, "Vehicles drop sources, so the fleet may break apart"
