@@ -157,12 +157,15 @@ def choices_words(
     """A phrase for each product of swept values that some labels fill; keys with all are silent."""
     found = []
     for box in boxes_of([tuple(labels.values()) for labels in some]):
-        told = [
-            values_named(key, each, "and")
+        told = {
+            values_named(key, each, "and"): len(each) > 1
             for key, each in zip(there[0], box, strict=True)
             if {labels[key] for labels in there} != {*each}
-        ]
-        found.append(", ".join(told) or "all")
+        }
+        words = [*told]
+        if len(told) > 1 and any(told.values()):
+            words = [" × ".join(f"({each})" if told[each] else each for each in told)]
+        found.append(", ".join(words) or "all")
     return found
 
 

@@ -57,7 +57,8 @@ class Agreement(NamedTuple):
     why: str
 
 
-OF_AGREEMENT = (*EVERY_MESSAGE, "alike", "one gain", "one identity", "flat", "continuous", "drops")
+OF_AGREEMENT = (*EVERY_MESSAGE, "same links", "alike", "one gain", "one identity", "flat")
+OF_AGREEMENT += ("continuous", "drops")
 
 
 def agreement(case: Case) -> Agreement | None:

@@ -53,11 +53,13 @@ P_WORDS = (
 class PairDecision(NamedTuple):
     """What tests find of a cell against another: in words, and whether it is better.
 
-    `better` is None where they find nothing, or disagree.
+    `better` is None where they find nothing, or disagree; `by_lanes` is whether numbers of lanes
+    decide, not lengths.
     """
 
     words: str
     better: bool | None
+    by_lanes: bool
 
 
 def choices(cells: Sequence[Cell]) -> list[str]:
@@ -90,6 +92,7 @@ def decisions(
     keys.
     """
     found = dict[tuple[int, int], list[tuple[str, bool]]]()
+    by_lanes = set[tuple[int, int]]()
     for group in judged_columns(results):
         fresh = dict[tuple[int, int], list[tuple[str, bool]]]()
         for column, (what, *found_of) in group.items():
@@ -100,11 +103,15 @@ def decisions(
                     fresh.setdefault(pair, []).extend(told)
         for pair, told in fresh.items():
             found[pair] = found.get(pair) or told
+        if "error" not in group:
+            by_lanes = {pair for pair, told in found.items() if told}
     decided = {}
     for pair, told in found.items():
         ways = {is_better for _, is_better in told}
         words = ", ".join(words for words, _ in told)
-        decided[pair] = PairDecision(words, ways.pop() if len(ways) == 1 else None)
+        decided[pair] = PairDecision(
+            words, ways.pop() if len(ways) == 1 else None, pair in by_lanes
+        )
     return decided
 
 

@@ -16,6 +16,7 @@ from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import count, counted, number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
+from jaxnet.statistics.groups import Label
 from jaxnet.statistics.horizon import lost_cells
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
 from jaxnet.statistics.limits import at_once_words, unchecked_words
@@ -24,6 +25,7 @@ from jaxnet.statistics.recovery import (
     attacked_mask,
     confidence_told,
     share_name,
+    threshold,
 )
 from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import share_names
@@ -33,9 +35,8 @@ from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.best import best_sentence
 from jaxnet.view.page.decided import tests_html
 from jaxnet.view.page.elements import Section, paragraph, sentence_case
-from jaxnet.view.page.grid import grid_html
+from jaxnet.view.page.grid import grid_html, near_text
 from jaxnet.view.page.judged import (
-    CellErrors,
     criterion_text,
     held_word,
     is_negligible,
@@ -56,11 +57,10 @@ from jaxnet.view.text.width import numbered_words
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MEDIAN_LANE = {  # by `judged_word`
-    "error": "In the median lane of a cell{} the error (a mean over vehicles and the tail{})",
-    "spread": "In the median lane of a cell{} the greatest spread over the tail{}",
+    "error": "In the median lane{} the error (a mean over vehicles and the tail{})",
+    "spread": "In the median lane{} the greatest spread over the tail{}",
 }
 
-RISING = "<b>Error of the median lane.</b>"
 AMONG = "groups of cells that differ in ā alone"
 ISOLATED = {  # by column of rows, where vehicles coast or may stop
     "cut_off_vehicles": "a vehicle was cut off from all its sources",
@@ -75,20 +75,18 @@ def findings_section(
     """Every finding; `fit` is the command that computes the bounds."""
     cells = results.study.cells
     alone = is_leaderless(cells)
-    errors = judged_errors(results, found)
     lanes = judged_lanes(results, range(len(cells)))
     separated = separation_sentence(results)
     grid, best = grid_html(results, lanes), best_sentence(results, lanes)
+    first = [] if grid else [unrecovered_sentence(results), extremes_sentence(results)]
     sentences = [
+        *first,
+        baseline_sentence(results),
         proved_sentence(results, theory),
         failed_sentence(results),
         isolated_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in grave_warnings(results, cells)),
         outside_sentence(results) if alone else "",
-        "" if grid else unrecovered_sentence(results),
-        f"{RISING}{errors.rising}" * bool(errors.rising)
-        if grid
-        else extremes_sentence(results, errors),
         "" if alone else bounds_sentence(results, found, fit),
         search_sentence(results),
         separated,
@@ -149,9 +147,39 @@ def nothing_words(results: Results) -> str:
     return "no attacked cell has enough lanes that ended"
 
 
-def extremes_sentence(results: Results, errors: CellErrors) -> str:
-    """The cells with the least and the greatest error of the median lane."""
+def baseline_sentence(results: Results) -> str:
+    """Errors without an attack, and where they alone are above what recovery allows."""
+    cells, attacked = results.study.cells, attacked_mask(results.study.cells)
+    medians: Any = results.cells[f"{judged_metric(cells)}_median"].reset_index(drop=True)
+    usual = medians[~attacked].dropna()
+    if usual.empty or not attacked.any():
+        return ""
+
+    def setting(number: int) -> tuple[Label, ...]:
+        labels = cells[number].labels.items()
+        return tuple(value for key, value in labels if not key.startswith("attack"))
+
+    least, asked = dict[tuple[Label, ...], float](), results.study.config.recovery
+    for number, error in usual.items():
+        least[setting(number)] = min(error, least.get(setting(number), np.inf))
+    above = [
+        number
+        for number in np.flatnonzero(attacked).tolist()
+        if least.get(setting(number), 0.0) > threshold(cells[number], asked)
+    ]
+    ends = dict.fromkeys(near_text(end) for end in (usual.min(), usual.max()))
     word = judged_word(results)
+    told = f"<b>Without an attack</b> the {word} of the median lane is <b>{' to '.join(ends)} m</b>"
+    if not above:
+        return f"{told}."
+    among = np.flatnonzero(attacked).tolist()
+    where = where_words(results, above, among)
+    return f"{told}: {where} this alone is above what recovery allows, whatever the attack does."
+
+
+def extremes_sentence(results: Results) -> str:
+    """The cells with the least and the greatest error of the median lane."""
+    word, errors = judged_word(results), judged_errors(results)
     if errors.values.empty:
         return f"No {word}: {nothing_words(results)}."
     formed = any(cell.scenario.formation.present for cell in results.study.cells)
@@ -160,12 +188,13 @@ def extremes_sentence(results: Results, errors: CellErrors) -> str:
     among = [n for n in errors.among if n in held.index or n not in errors.values.index]
     which = [" that has settled"] * (len(errors.values) < len(errors.among))
     which += [" whose fleet is not lost"] * (len(held) < len(errors.values))
-    start = MEDIAN_LANE[word].format(" and".join(which), less)
+    of_cell = f" of a cell{' and'.join(which)}" * (len(results.study.cells) > 1)
+    start = MEDIAN_LANE[word].format(of_cell, less)
     if is_negligible(results, errors):
         most = error_text(float(errors.values["value"].to_numpy().max()))
         return f"{start} is at most <b>{most} m</b>."
     span = span_words(results, held, error_text, f" {errors.unit}", among)
-    return f"{start} {span}.{errors.rising}"
+    return f"{start} {span}."
 
 
 def without_lost(results: Results, values: Any, column: str) -> Any:

@@ -221,20 +221,22 @@ def has_verdict(results: Results) -> bool:
 
 
 def shares_text(results: Results, laid: GridLayout, shares: pd.Series) -> str:
-    """Shares [%] of a field; with a single setting of numbers, how far those at its ends reach."""
-    told = f"{numbers_text(shares, percent_text, laid.listed)} %"
-    key = next(iter(laid.settings), "")
-    values = [results.study.cells[cell].labels.get(key, "") for cell in shares.index]
-    if laid.listed or len(laid.settings) != 1 or any(isinstance(each, str) for each in values):
-        return told
-    sized: Any = shares.set_axis(values).sort_index()
-    texts: Any = sized.map(percent_text)
-    first, last = texts.iloc[0], texts.iloc[-1]
-    if first == last or {sized.iloc[0], sized.iloc[-1]} != {sized.min(), sized.max()}:
-        return told
-    until = value_name(key, texts.index[(texts == first).cummin()][-1])
-    since = value_name(key, texts.index[(texts == last)[::-1].cummin()[::-1]][0])
-    return f"{first} % up to {until}, {last} % from {since}"
+    """Shares [%] of a field; if one setting of numbers decides, how far those at its ends reach."""
+    for key, values in laid.settings.items():
+        if laid.listed or any(isinstance(each, str) for each in values):
+            continue
+        sizes = [results.study.cells[cell].labels[key] for cell in shares.index]
+        texts: Any = shares.map(percent_text).set_axis(sizes)
+        if (texts.groupby(level=0).nunique() > 1).any():
+            continue  # other settings decide, too
+        sized: Any = shares.set_axis(sizes).groupby(level=0).mean()
+        texts = texts.groupby(level=0).first()
+        first, last = texts.iloc[0], texts.iloc[-1]
+        if first != last and {*sized.iloc[[0, -1]]} == {sized.min(), sized.max()}:
+            until = value_name(key, texts.index[(texts == first).cummin()][-1])
+            since = value_name(key, texts.index[(texts == last)[::-1].cummin()[::-1]][0])
+            return f"{first} % up to {until}, {last} % from {since}"
+    return f"{numbers_text(shares, percent_text, laid.listed)} %"
 
 
 def lengths_text(lengths: pd.Series, listed: bool) -> str:
@@ -262,10 +264,11 @@ def against_none(results: Results, key: str, lanes: JudgedLanes) -> dict[int, st
 
 
 def found_words(found: Sequence[str]) -> str:
+    """What tests find of the cells of a field, each finding with the number of its cells."""
+    each = Counter(words for told in found for words in told.split(", ") if words)
     told = [
         f"{words}{f' in {many} of {len(found)} cells' * (many < len(found))}"
-        for words, many in Counter(found).items()
-        if words
+        for words, many in each.items()
     ]
     return f"vs none: {'; '.join(told) or 'no difference found'}" * bool(found)
 

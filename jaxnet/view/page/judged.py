@@ -1,6 +1,6 @@
 """What the lanes of a study are judged by: errors and shares of cells, and what is compared."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,14 +12,13 @@ from jaxnet.kinds.metrics import LANE_STATISTICS
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
-from jaxnet.statistics.amplitude import ROUNDING_ERROR, attack_size
+from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.horizon import lost_limits
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
 from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
 from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.results import Results
-from jaxnet.view.page.elements import sentence_case
-from jaxnet.view.page.where import joined_names, where_words
+from jaxnet.view.page.where import joined_names
 
 NEGLIGIBLE = 1e-3  # of what a study asks for
 
@@ -38,62 +37,24 @@ class CellErrors(NamedTuple):
         "ā" or "m".
     among
         The cells with errors, also where these still fall.
-    rising
-        A sentence that tells how errors rise with ā, if not in proportion.
     """
 
     values: pd.DataFrame
     unit: str
     among: list[int]
-    rising: str
 
 
-def judged_errors(results: Results, found: Sequence[curves.Curve]) -> CellErrors:
-    """What the fleet's error is judged by; `found` are the curves over ā."""
+def judged_errors(results: Results) -> CellErrors:
+    """What the fleet's error is judged by."""
     metric = judged_metric(results.study.cells)
     names = [f"{metric}_{name}" for name in LANE_STATISTICS["median"].columns]
     errors: Any = stored_values(results.cells.reset_index(drop=True), names)
     errors = errors.drop(index=curves.mostly_failed(results)).dropna(subset="value")
-    known, rising, unit = curves.cell_magnitudes(results), "", "m"
+    known, unit = curves.cell_magnitudes(results), "m"
     if metric != "spread" and not np.isnan(known).all():
         errors = errors[~np.isnan(known[errors.index])]
-        rising = rising_words(results, errors, found, errors.index.tolist())
-        if not rising:
-            errors, unit = errors.div(known[errors.index], axis="index"), "ā"
-    return CellErrors(settled(results, errors), unit, errors.index.tolist(), rising)
-
-
-def rising_words(
-    results: Results, errors: pd.DataFrame, found: Sequence[curves.Curve], among: Sequence[int]
-) -> str:
-    """Where errors [m] do not rise with ā, or not in proportion; "" if all are proportional."""
-    groups = [[cell.number for cell in curve.group.cells] for curve in found]
-    there = ([n for n in group if n in errors.index] for group in groups)
-    sizes = curves.cell_magnitudes(results)
-    errors = errors.where(errors.abs().ge(ROUNDING_ERROR * sizes[errors.index], axis="index"), 0.0)
-    flat, falls, odd = list[int](), list[int](), list[int]()
-    for group in filter(None, there):
-        level: Any = errors.loc[group, "value"]
-        ratios = errors.loc[group].div(sizes[group], axis="index")
-        if curves.is_proportional(*(ratios[name] for name in VALUE_COLUMNS)):
-            continue
-        if level.max() <= curves.NEARLY * level.min():
-            flat += group
-        else:
-            (falls if curves.NEARLY * level.iloc[-1] < level.max() else odd).extend(group)
-    compared = any(attack_size(cell) == 0 for cell in results.study.cells)
-    aside = "" if compared else " (a cell with attack.magnitude: 0 would show what is left without)"
-    told = {
-        f"does not rise with ā: something else than its size decides{aside}": flat,
-        "is less at the greatest ā than at a smaller one": falls,
-        "rises with ā, but not in proportion": odd,
-    }
-    clauses = [
-        f"{where_words(results, sorted(cells), among) * (len(cells) < len(among))} it {words}"
-        for words, cells in told.items()
-        if cells
-    ]
-    return f" {sentence_case('; '.join(clauses).strip())}." * bool(clauses)
+        errors, unit = errors.div(known[errors.index], axis="index"), "ā"
+    return CellErrors(settled(results, errors), unit, errors.index.tolist())
 
 
 def falling_cells(results: Results) -> list[int]:

@@ -33,7 +33,7 @@ def proved_sentence(results: Results, theory: Sequence[AlikeCells]) -> str:
         for place, claim in each.claims:
             if (place, claim) == NO_AGREEMENT:
                 why = each.facts.get("guarantee", "").partition(UNPROVED)[2]
-                claim = f"{claim}, with {why}" * bool(why and not beaten)
+                claim = f"{claim} ({why})" * bool(why and not beaten)
             if claim and place not in (OF_BOUNDS, OF_LIARS, OF_REST):
                 cells = where.setdefault((place, claim), [])
                 cells.extend(cell.number for cell in each.cells)

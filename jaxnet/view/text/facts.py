@@ -306,7 +306,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "safe": safe,
         **announced,
         "proof ends": told.get("proof ends", "") if proved else "",  # where there is a proof
-        "weights": f"drawn for each lane; {medians}" * scenario.topology.differs(),
+        "weights": f"drawn for each lane; {medians}" * bool(scenario.topology.drawn_keys()),
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", "") + ("; `start` is sharper" * ({"decay", "start"} <= {*told})),
         "start": told.get("start", ""),
