@@ -163,7 +163,7 @@ def choices_words(
             if {labels[key] for labels in there} != {*each}
         }
         words = [*told]
-        if len(told) > 1 and any(told.values()):
+        if sum(told.values()) > 1:
             words = [" × ".join(f"({each})" if told[each] else each for each in told)]
         found.append(", ".join(words) or "all")
     return found
@@ -217,7 +217,7 @@ def values_named(key: str, values: Sequence[object], joint: str) -> str:
     names = [value_name(key, each) for each in values]
     name, equals, value = names[-1].partition(f"={NO_BREAK}")
     if len(names) == 1 or not all(each.startswith(f"{name}=") for each in names):
-        return f" {joint} ".join(names)
+        return f" {joint} ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
     alone = ", ".join(value_alone(key, each) for each in values[:-1])
     return f"{name}{equals}{alone} {joint} {value}"
 

@@ -129,7 +129,7 @@ def numbers_words(results: Results, cells: Sequence[int], lanes: JudgedLanes) ->
         of = count_between(sizes.tolist(), "lane")
         each = " in each cell" * (len(cells) > 1)
         counts = f"<b>{span_text(lost)} of {of}</b>{each}"
-        numbers = [*pd.Series(lost, cells).groupby(settings_of(results, cells), sort=False)]
+        numbers = [*pd.Series(lost, cells).groupby(settings_beside(results, cells), sort=False)]
         if len({span_text(n) for _, n in numbers}) > 1 and len(numbers) <= MOST_SETTINGS:
             several = [f"<b>{span_text(n)}</b> ({escape(str(where))})" for where, n in numbers]
             counts = f"of {of} a cell {joined_names(several)}"
@@ -151,7 +151,7 @@ def length_text(length: float, most: str = "") -> str:
     return f"{most * text.isascii()}<b>{text} m</b>"
 
 
-def settings_of(results: Results, cells: Sequence[int]) -> list[str]:
+def settings_beside(results: Results, cells: Sequence[int]) -> list[str]:
     """The values of each cell's swept keys that one does not choose."""
     every = cells_judged(results.study.cells)
     chosen = choices(every)

@@ -78,7 +78,6 @@ SLOPES_NOTE = (
     " the bounds of theory, if any. A dash: there is no such number."
 )
 FLEET_NOTE = " A bound of the fleet is one on the norm of the errors of all vehicles together."
-PRINTED_NOTE = " Lyapunov's bound as printed is false in general."
 HEAT_NOTE = (
     "One scale of colours for all maps. Point at a tile, touch it, or go to it with Tab and"
     " arrow keys for its interval and lanes."
@@ -231,19 +230,19 @@ def ultimate_section(results: Results, found: Sequence[Curve]) -> Section | None
 
 def slopes_html(found: Sequence[Curve]) -> str:
     """Errors per ā by group: worst found, fitted, and bounded."""
-    rows = []
+    sound, rows = {b: name for b, name in BOUND_NAMES.items() if b != findings.UNSOUND_BOUND}, []
     for curve in found:
         fitted = curve.fit("tail_max") or (np.nan,) * 3
         share = findings.share_of_bound(curve)
         row = {"worst found": curve.worst, "of the least bound [%]": share}
         row |= dict(zip(("fit of the means", "fit, low", "fit, high"), fitted, strict=True))
         row["95 % of lanes below"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
-        for bound, name in BOUND_NAMES.items():
+        for bound, name in sound.items():
             row[name], fleet = (curve.slope(bound, of) for of in ("worst", "fleet"))
             row[f"{name}, fleet"] = fleet
         rows.append(row)
     shown: Any = pd.DataFrame(rows)
-    fleets = {name: f"{name}, fleet" for name in BOUND_NAMES.values()}
+    fleets = {name: f"{name}, fleet" for name in sound.values()}
     same = [fleet for name, fleet in fleets.items() if shown[name].equals(shown[fleet])]
     shown = shown.drop(columns=same).dropna(axis=1, how="all")
     slopes = dict.fromkeys(shown, np.ones(len(shown)))
@@ -251,7 +250,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about, names=[*labels])
     note = SLOPES_NOTE + FLEET_NOTE * any(name.endswith(", fleet") for name in shown)
-    return paragraph(note + PRINTED_NOTE * (BOUND_NAMES[findings.UNSOUND_BOUND] in shown)) + table
+    return paragraph(note) + table
 
 
 def bands_section(results: Results) -> Section | None:
