@@ -11,7 +11,7 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import NO_BREAK, labels_title, value_name
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, LANE_STATISTICS, Metric
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, LANE_STATISTICS, WITH_DETECTOR, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import count, counted, number_text
 from jaxnet.statistics import curves
@@ -221,7 +221,6 @@ def outside_sentence(results: Results) -> str:
     )
     some = is_left if is_left.any() else ways["outside_max"] >= ROUNDING_ERROR
     moved = [place for place in ways.index if some[place]]
-    rest = ways.index.difference(moved).tolist()
     words = "Honest vehicles leave the convex hull of their starts"
     if is_left.any():
         words = f"In more than half of the lanes {words[0].lower()}{words[1:]}"
@@ -232,28 +231,16 @@ def outside_sentence(results: Results) -> str:
             words = "Honest vehicles agree, but on a place that liars move out of the hull"
         words = f"<b>{words}</b>"
 
-    def share(places: Sequence[int]) -> str:
-        left: Any = ways.loc[places].sort_values("in_hull").iloc[0]
-        if np.isnan(left["in_hull"]):
-            return "in some lanes"
-        found, high, low = (percent_text(100 * (1 - left[name])) for name in names[2:])
-        most = "up to " * (len(places) > 1)
-        return f"in {most}{found} % of lanes (95 % interval {low} to {high} %)"
-
     longest = max(cell.scenario.horizon for cell in cells)
-    medians = stored_values(ways.loc[moved], names[:1])
-    span = span_words(results, medians, error_text, " m", moved)
-    worst, elsewhere = ways["outside_max"], ""
-    if rest:
-        elsewhere = f" In the other cells they leave it {share(rest)}."
-        if worst[rest].max() < ROUNDING_ERROR:
-            elsewhere = " In the other cells nobody leaves it."
-    there = f"{where_words(results, moved)} within {longest:g} s".lstrip()
-    most = f"<b>{error_text(worst.max())} m</b> out {where_words(results, [worst.idxmax()])}"
-    return (
-        f"{words} {there}, {share(moved)}. The way out of the median lane {span}.{elsewhere} The"
-        f" worst lane of the study goes {most.rstrip()}. In a longer run they may go farther."
-    )
+    told = f"{words} {where_words(results, moved)}".rstrip() + f" within {longest:g} s"
+    if len(cells) == 1:  # else a table has the numbers
+        (median,), (worst,) = ways[names[0]], ways[names[1]]
+        found, high, low = (percent_text(100 * (1 - ways[name][0])) for name in names[2:])
+        told += (
+            f", in {found} % of lanes (95 % interval {low} to {high} %), in the median lane by"
+            f" <b>{near_text(median)} m</b> and in the worst lane by <b>{near_text(worst)} m</b>"
+        )
+    return f"{told}. In a longer run they may go farther."
 
 
 def share_words(results: Results) -> str:
@@ -302,11 +289,14 @@ def metrics_list(results: Results, without: str) -> str:
     """Medians, and the greatest lane, of each metric beside errors."""
     own = results.study.config.measured()[len(CONTRACT) :]
     asked = [each for each in own if each.name not in {*AGREEMENT, without}]
+    watched = [each.number for each in results.study.cells if each.scenario.detector.present]
 
     def told(metric: Metric) -> str:
         names = (f"{metric.name}_{each}" for each in LANE_STATISTICS["median"].columns)
-        medians = stored_values(results.cells.reset_index(drop=True), [*names])
+        medians: Any = stored_values(results.cells.reset_index(drop=True), [*names])
         medians = medians.drop(index=curves.mostly_failed(results)).dropna(subset="value")
+        if metric.base in WITH_DETECTOR:
+            medians = medians[medians.index.isin(watched)]
         if medians.empty:
             return ""
         endless: Any = medians.index[np.isinf(medians["value"])]

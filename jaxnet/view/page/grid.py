@@ -54,6 +54,9 @@ ABOUT_ASSUMPTIONS = (
     f"outside {OF_ASSUMPTIONS}: lanes in which a vehicle hears more attacked sources than its"
     " defence is set for (any, where it cannot trim), or trusts one"
 )
+OF_ROBUSTNESS = (
+    f"outside {OF_ASSUMPTIONS}: lanes whose graph is not robust enough for their attackers"
+)
 COMPARED = "vs none: against no {}, on the same draws (McNemar's and sign tests, 5 %, Holm): {}"
 NOT_DIFFERENT = "no test on the same draws finds a field better or worse than no {}"
 
@@ -145,7 +148,8 @@ def grid_html(results: Results, lanes: JudgedLanes) -> str:
         about = ABOUT_DECISIONS[is_leaderless(results.study.cells)]
         tests = (COMPARED if differ else NOT_DIFFERENT).format(key_name(laid.optional), about)
     caption, *notes = grid_words(results, laid, lanes, tests)
-    notes += [ABOUT_ASSUMPTIONS] * (OF_ASSUMPTIONS in body)
+    about = OF_ROBUSTNESS if is_leaderless(results.study.cells) else ABOUT_ASSUMPTIONS
+    notes += [about] * (OF_ASSUMPTIONS in body)
     left = len(cells_judged(results.study.cells)) < len(results.study.cells)
     notes += ["cells without an attack are not in this table"] * left
     box = f'<div class="box" tabindex="0">{table}</div>'
@@ -155,19 +159,19 @@ def grid_html(results: Results, lanes: JudgedLanes) -> str:
 def cell_numbers(results: Results, lanes: JudgedLanes, against: Mapping[int, str]) -> pd.DataFrame:
     """What a field tells of each cell; lengths that are far below what the study asks for are 0.
 
-    - `fallen`, `lost`, `near` [%]: shares of its lanes
-    - `median`, `worst`, `out` [m]: of lanes that ended
+    - `fallen`, `unrecovered`, `out`, `lost`, `near` [%]: shares of its lanes
+    - `median`, `worst`, `way` [m]: of lanes that ended
     - `falling`: whether errors still fall when the run ends
     - `against`: what is found against none
     """
     cells = results.study.cells
     judged, stored = judged_metric(cells), results.cells.reset_index(drop=True)
     found = pd.DataFrame(index=range(len(cells)))
-    for name in ("fallen", "lost", "near"):
+    for name in ("fallen", "unrecovered", "out", "lost", "near"):
         found[name] = [100 * lanes[cell][name].mean() for cell in found.index]
     for name, column in (("median", f"{judged}_median"), ("worst", f"{judged}_max")):
         found[name] = stored[column].mask(stored[column] < negligible_errors(results), 0.0)
-    found["out"] = stored["outside_max"] if is_leaderless(cells) else np.nan
+    found["way"] = stored["outside_max"] if is_leaderless(cells) else np.nan
     found["falling"] = found.index.isin(falling_cells(results))
     found["against"] = [against.get(cell) for cell in found.index]
     return found
@@ -178,6 +182,7 @@ def fields_html(
 ) -> dict[tuple[Combination, Combination], str]:
     """Each field: lanes that do not hold, why lanes failed, lengths, and what is found."""
     failures, word, tells = failed_kinds(results), judged_word(results), has_verdict(results)
+    agree = is_leaderless(results.study.cells) and results.study.config.recovery is not None
     outside, found = outside_by_draw(results, lanes) if tells else {}, {}
     for row, mine in laid.fields.items():
         for column, cells in mine.items():
@@ -186,14 +191,16 @@ def fields_html(
             median = lengths_text(known["median"], laid.listed)
             greatest = known["worst"] if laid.listed else known["worst"].nlargest(1)
             worst = lengths_text(greatest, laid.listed)
-            out = lengths_text(known["out"], laid.listed)
-            lost, near = (
-                numbers_text(known[name], percent_text, laid.listed) for name in ("lost", "near")
+            way = lengths_text(known["way"], laid.listed)
+            lost, near, out, apart = (
+                numbers_text(known[name], percent_text, laid.listed)
+                for name in ("lost", "near", "out", "unrecovered")
             )
             told = [f"<b>{shares_text(results, laid, known['fallen'])}</b>" * tells]
-            told += [counted(reasons), f"{word} {median}" * bool(median)]
-            told += [f"worst lane {worst}" * (worst != median)]
-            told += [f"lost {lost} %" * bool(known["lost"].any()), f"out {out}" * bool(out)]
+            told += [counted(reasons), f"no agreement {apart} %" * agree]
+            told += [f"{word} {median}" * bool(median), f"worst lane {worst}" * (worst != median)]
+            told += [f"lost {lost} %" * bool(known["lost"].any())]
+            told += [f"out {out} %" + f", by up to {way}" * (out != "0")] * bool(way)
             told += [f"too near {near} %" * bool(known["near"].any())]
             told += [f"{word} still falls" * bool(known["falling"].any())]
             told += [draws_text([(lanes[n]["fallen"], outside[n]) for n in cells if n in outside])]
@@ -296,6 +303,6 @@ def grid_words(results: Results, laid: GridLayout, lanes: JudgedLanes, tests: st
         near = f"too near: lanes in which two vehicles come nearer than D = {asked[1]:g} m"
         notes.insert(0, f"{near}; filters are compared by these lanes, not by errors")
     if is_leaderless(results.study.cells):
-        notes.insert(0, "out: how far the worst lane of a cell leaves the hull of the starts")
+        notes.insert(0, "out: lanes that leave the hull of the starts, and how far the worst goes")
     many = count_between(sizes.tolist(), "lane")
     return [f"{sentence_case(caption)}{over * bool(laid.settings)}. {many} a cell:", *notes]
