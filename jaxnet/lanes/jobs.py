@@ -23,7 +23,7 @@ from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
 from jaxnet.lanes.proofs import prove, prove_finite, prove_path, prove_presumed
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
-from jaxnet.model.graph import Digraph
+from jaxnet.model.graph import Digraph, normalised
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network, Periods, Turns
 from jaxnet.model.retained import RowStrength, WithOwnWeight
@@ -166,13 +166,13 @@ def first_attacked_vehicles(
 
 
 def lane_graphs(study: Config, scenario: Scenario, samples: Sequence[int]) -> list[Digraph]:
-    """The graphs of lanes of a study, each of which has links of its own."""
+    """The graphs of lanes of a study, each of which has links of its own; rows sum to 1."""
     draw, linked = Draw(source_of(study, scenario), samples, scenario.vehicles), links_of(scenario)
     sources = hearing.slots(linked, np.ones_like(linked.sources))
     weights = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources)
     if not scenario.navigator.present:
         weights = np.where(sources == 0, 0.0, weights)
-    return [hearing.graph_of(sources, each) for each in weights]
+    return [normalised(hearing.graph_of(sources, each)) for each in weights]
 
 
 def first_attacked(attack: AnyAttack) -> AnyAttack:

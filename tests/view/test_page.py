@@ -20,6 +20,8 @@ from upath import UPath
 
 import jaxnet
 from jaxnet.api import writing
+from jaxnet.lanes import jobs
+from jaxnet.model.graph import dense
 from jaxnet.model.wording import number_text
 from jaxnet.runs import replay as rerun
 from jaxnet.runs import watched
@@ -34,8 +36,9 @@ from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
-from jaxnet.view.page import elements, findings, sections, trajectories, where
+from jaxnet.view.page import elements, findings, proved, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
+from jaxnet.view.page.judged import judged_lanes
 from jaxnet.view.page.plots import axis, plotted
 from jaxnet.view.text import check, comparison, tables, worst
 from jaxnet.view.text.slopes import errors_text
@@ -431,6 +434,32 @@ def test_a_verdict_table_tells_where_the_fleet_holds(tmp_path):
     assert "<p>Error of the median lane. 12\xa0lanes a cell:</p>" in found
     assert "<td>error 4\xa0m</td>" in found  # nothing tells whether a lane holds
     assert "verdict" not in told(tmp_path, [9.0], **ROTATING)  # a single cell
+
+
+def test_lanes_whose_own_graph_is_robust_enough_agree(tmp_path):
+    """LeBlanc et al. 2013: on a (2, 2)- or 3-robust graph W-MSR bears one liar, whoever it is."""
+    graph = {"kind": "erdos_renyi", "probability": 0.5, "redraw": True}
+    keys = {"topology": graph, "navigator": "none", "vehicles": 8, "vehicle": "single_integrator"}
+    keys |= {"gain": [1.0], "law": {"kind": "local", "hold": True}, "tick": 0.2, "samples": 30}
+    keys |= {"horizon": 300.0, "tail": 10.0, "output_step": 1.0, "engine": "exact"}
+    keys |= {"attack": {"kind": "own_path", "vehicles": {"random": 1}, "moves": "as_told"}}
+    study = systems.study(**keys, recovery={"tau": 0.1}, sweep={"defence": ["none", "w_msr"]})
+    results = jaxnet.run(study, tmp_path / "out", progress=False)
+    lanes = judged_lanes(results, range(2))
+    drawn = proved.outside_by_draw(results, lanes)
+    assert [*drawn] == [1]  # without a defence nothing is assumed
+    unrecovered = lanes[1]["unrecovered"]
+    assert 0 < drawn[1].sum() < 30
+    assert not unrecovered[~drawn[1]].any()
+    assert unrecovered[drawn[1]].any()
+    given = results.study.config, results.study.cells[1].scenario, [3, 17]
+    for sample, graph in zip(given[-1], jobs.lane_graphs(*given), strict=True):
+        _, used = rerun.trajectory_of(results, 1, sample)
+        np.testing.assert_allclose(dense(graph), dense(used), atol=1e-15)
+    words = " ".join(check.check_text(results.study).split())
+    assert "graph 8 vehicles; each lane has links of its own" in words
+    assert "[W-MSR] none is proved; each lane has links of its own" in words
+    assert not re.search("robust|links:|on [0-9]+ links", words)
 
 
 def test_a_verdict_tells_up_to_which_magnitude_it_holds(tmp_path):
