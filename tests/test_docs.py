@@ -150,6 +150,17 @@ def test_the_config_begins_with_sixteen_keys_and_a_study_that_has_them_and_runs(
     assert "unrecovered" in jaxnet.open("results/ring").cells
 
 
+def test_the_study_of_alarms_that_cut_runs_and_cutting_helps(home):
+    """The error of the lie, by what alarms cut; four lanes a cell."""
+    page = (DOCS / "acting.md").read_text()
+    section = page.partition("\n## Try it")[2].partition("\n## ")[0]
+    assert Reader(home).reads(section).done == ["run"]
+    cells = jaxnet.open("results/cuts").cells.set_index(["attack.magnitude", "detector.cuts"])
+    errors = cells["tail_mean_median"][0.5]
+    assert errors["never"] == pytest.approx(0.750, rel=0.02)
+    assert errors[["message", "link"]].max() < 0.1
+
+
 @pytest.mark.long
 def test_what_the_tutorial_shows_works(home):
     """From the first check to the figure; the faulty study is refused in these words."""
@@ -206,7 +217,7 @@ def test_the_tutorial_shows_the_tables_that_run_show_and_fit_print(tmp_path, mon
     "name",
     [
         pytest.param("api", marks=pytest.mark.long),  # simulates
-        *("channel", "config", "detectors", "gallery", "install", "search", "sensitivity"),
+        *("acting", "channel", "config", "detectors", "gallery", "install", "search", "sensitivity"),
     ],
 )
 def test_what_other_pages_show_can_be_done(name, home):

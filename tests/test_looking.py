@@ -161,6 +161,23 @@ def test_the_page_is_made_without_code(results, monkeypatch):
     assert "the code of their_kinds:Line, their_kinds:Mine" in text
 
 
+@pytest.mark.filterwarnings("always:bounds that need it")
+def test_a_fit_without_code_after_one_with_it_prints_its_table(results, made, tmp_path):
+    """And warns, as in a fresh folder."""
+    home = tmp_path / "home"
+    home.mkdir()
+    shutil.copy(made.parent / "kept.py", home / "their_kinds.py")
+    (home / "study.yaml").write_text(STUDY)
+    with_code = said("fit", ".", "--config", home / "study.yaml")
+    assert "violations.csv" in with_code
+    registry.LOADED.clear()
+    assert jaxnet.open(".").missing != []
+    without = said("fit", ".")
+    assert "warning: bounds that need it are left out" in without
+    assert "mean error" in without
+    assert "violations.csv" not in without
+
+
 def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch):
     """From there a lane is simulated again as it was."""
     home = made.parent / "home"

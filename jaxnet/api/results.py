@@ -368,8 +368,8 @@ def open(
 ) -> Results:
     """Open a results folder, which runs no code that the folder names.
 
-    A kind from outside needs its code for replays only. Without its code, the kind is known by the
-    folder's description of it.
+    Replays, films, bounds and certificates need the code of kinds from outside: give `config` or
+    `trust`. Tables, arrays and most figures do without.
 
     Parameters
     ----------

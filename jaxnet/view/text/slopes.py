@@ -127,6 +127,8 @@ def violations_text(results: Results) -> str:
     ]
     if len(found) > MOST_VIOLATIONS:
         lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.file('violations.csv')}")
+    if results.missing:  # theory needs their code
+        return "\n".join(lines)
     attacked = sum(cell.scenario.attack.present for cell in cells)
     if not lines and sum(map(len, unchecked(cells).values())) < attacked:
         lines.append("no lane with a bound is above it")
