@@ -1,6 +1,7 @@
 """All figures of a results folder, by name, written as PNG and PDF."""
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -70,6 +71,7 @@ NO_CHOICE: Mapping[str, object] = {}
 FILE_KINDS = "png", "pdf"
 RETIRED = ("curve_median",)  # figures of earlier versions, which may stand in a folder
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
+LEAST_HEIGHT = 0.8  # of the height that a figure would take
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
 
@@ -201,6 +203,7 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             notes += [FORMATION_NOTE] * (of_errors and formation)
             multiples.write_note(made, multiples.escape_dollars("; ".join(filter(None, notes))))
             multiples.make_room(made)
+            made.height = made.get_figheight()
             if asked:
                 made.set_size_inches(asked)
         if not note:
@@ -407,6 +410,24 @@ def draw_figure(
             raise FolderError(f"{name} takes no {key}")
     plots = Plots(results)
     return getattr(plots.plain if plain else plots, name)(where, **given)
+
+
+def room_words(
+    drawn: Figure, size: style.FigureSize | None, draw: Callable[[style.FigureSize], Figure]
+) -> str:
+    """What a figure leaves out, or that it is too low, and a size that has room; else ""."""
+    asked, metric = style.inches(size), str(size).endswith("mm")
+    is_low = asked is not None and asked[1] < LEAST_HEIGHT * drawn.height
+    told = drawn.left_out or ("too low for its panels" if is_low else "")
+    for width in (drawn.get_figwidth(), style.FIGURE_WIDTH) if told else ():
+        whole = draw((width, style.GREATEST_HEIGHT))
+        if not whole.left_out:
+            high = whole.height
+            room = f"{width:.4g}x{math.ceil(10 * high) / 10:g}"
+            if metric:
+                room = f"{25.4 * width:.0f}x{math.ceil(25.4 * high)}mm"
+            return f"{told}; --size {room} has room"
+    return f"{told}; --where KEY=VALUE chooses" * bool(told)
 
 
 def file_name(
