@@ -12,6 +12,7 @@ import jaxnet
 from jaxnet.kinds.losses import Loss
 from jaxnet.kinds.vehicles.robotarium import Robotarium
 from jaxnet.view.text.check import check_text
+from jaxnet.view.text.check import check_text
 from jaxnet.view.text.tables import failures_text
 from tests import systems
 
@@ -164,11 +165,17 @@ def test_a_slow_start_that_a_held_input_spoils_is_told_with_what_helps():
     failed = jaxnet.simulate(keys, 4, progress=False)
     assert (failed.lanes["status"] != "ok").all()
     told = " ".join(failures_text(failed).split())
-    assert "give vehicle.standstill: stop, vehicle.limits, a shorter tick, or" in told
+    assert "try vehicle.standstill: stop, vehicle.limits, a shorter tick" in told
+    assert "next: results.replay(0, 0)" in told
+    assert "WARNING: lanes may fail; engine: sampled" in check_text(jaxnet.load(keys))
+    stopping = keys | {"vehicle": {"kind": "two_wheeled", "standstill": "stop"}}
+    told = " ".join(check_text(jaxnet.load(stopping)).split())
+    assert "try vehicle.limits, a shorter tick" in told  # not what is set
     limits = {"force_rate": 50.0, "angular_acceleration": 5.0}
     vehicle = {"kind": "two_wheeled", "limits": limits}
     keys |= {"vehicle": vehicle | {"standstill": "stop"}}
     assert (jaxnet.simulate(keys, 4, progress=False).lanes["status"] == "ok").all()
+    assert "lanes may fail" not in check_text(jaxnet.load(keys))
 
 
 class LostAfter(Loss):

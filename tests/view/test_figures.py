@@ -521,7 +521,7 @@ def test_style_and_note_can_be_left_out(results):
     ("name", "size", "told"),
     [
         ("topologies", "86x40mm", "too low for its panels"),
-        ("bands", "30x30mm", "2 groups are drawn"),
+        ("bands", "30x30mm", "1 of 2 groups"),
     ],
 )
 def test_a_figure_without_room_says_which_size_has_it(results, name, size, told):

@@ -569,8 +569,8 @@ def test_failures_are_told_by_cell_and_reason(monkeypatch):
         "failed: 10 disconnected of 10 lanes in cells 1, 2 (ā = 2 and 3 m)",
         "failed: 1 diverged of 5 lanes in cell 3 (ā = 4 m)",
     ]
-    assert lines[2].startswith("the first: cell 1: ā = 2 m, sample 0")
-    assert "sample 0: disconnected, vehicle 2 since 0.5 s" in lines[2]
+    assert lines[4].startswith("the first: cell 1: ā = 2 m, sample 0")
+    assert "sample 0: disconnected, vehicle 2 since 0.5 s" in lines[4]
     assert len([line for line in lines if "replay" in line]) == 1
 
 

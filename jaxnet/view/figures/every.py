@@ -104,6 +104,7 @@ def tiled_figure(
     tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
     if tiles is None:
         raise lacking_error(results, *TWO_KEYS)
+    need_lanes(results, cells)
     if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
         raise lacking_error(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
     return printed(heat_drawing(results, tiles, metric), width)
@@ -113,6 +114,7 @@ def curves_of(results: Results, cells: Sequence[Cell]) -> list[Curve]:
     """Curves against ā; raises LackingError if there are none."""
     if is_leaderless(cells):
         raise LackingError(f"{results.place}: {NO_ULTIMATE_ERROR}")
+    need_lanes(results, cells)
     found = curves(results, cells)
     if reason := no_magnitudes(found):
         remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
@@ -310,6 +312,8 @@ class Plots:
         `results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")`.
         """
         chosen = choose_axes(cells, **axes)
+        if y != "failed":
+            need_lanes(self.results, cells)
         found = quantity_of(self.results, cells, y or asked_quantity(self.results.study.config))
         if not found.known.size:
             lacking = NO_SHARE if found.name == "unrecovered" else NO_ERROR
