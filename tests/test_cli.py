@@ -293,6 +293,10 @@ def test_mistakes_of_the_user_end_with_status_2(config, finished, tmp_path):
     other = jaxnet_does("run", config, "seed=1", "--out", out)
     assert other.exit_code == 2
     assert "seed is 0 there and 1 here" in other.stderr
+    assert "--fresh" in other.stderr
+    rare = jaxnet_does("rare", config, "seed=1", "recovery={tau: 0.2}", "--out", out).stderr
+    assert "give another folder with --out" in rare
+    assert "--fresh" not in rare  # no option of that command
     assert "Traceback" not in other.stderr
     assert jaxnet_does("show", tmp_path).exit_code == 2
     assert jaxnet_does("run", config, "--outt", "x").exit_code == 2

@@ -159,7 +159,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
 
 
 def held_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
-    """Where all lanes hold, where most lanes do not, and the range of the worst errors."""
+    """Where most lanes or all do not hold, and the range of the worst errors."""
     if len(cells) < 2:
         return []
     table: Any = results.cells.loc[[cell.number for cell in cells]]
@@ -171,20 +171,11 @@ def held_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
     shares: Any = lost[table.index].dropna() if asked else share_failed(table)["value"]
     kind = "cells" if len(shares) == len(cells) else "attacked cells"
 
-    def tell(some: Any, what: str) -> None:
-        where, of = some.index[some].tolist(), f"{len(some)} {kind} {what} {way}"
-        few = len(where) < len(some)
-        lines.append(f"In {len(where)} of {of}: {named(where)}" if few else f"In all {of}")
-
-    if way and len(shares):
-        none, most = shares == 0, shares.max()
-        if shares.min() < 1:
-            tell(*((none, "no lane") if none.any() else (shares > 0, "some lanes")))
-        if most == 1:
-            tell(shares == 1, "all lanes")
-        elif most > 0:
-            where, share = shares.index[shares == most].tolist(), number_text(100 * most, whole=100)
-            lines.append(f"At worst {share} % of lanes {way}: {named(where)}")
+    if way and len(shares) and (most := shares.max()) > 0:
+        where, share = shares.index[shares == most].tolist(), number_text(100 * most, whole=100)
+        told = f"{len(where)} of {len(shares)}" if len(where) < len(shares) else f"all {len(where)}"
+        told = f"In {told} {kind} all lanes" if most == 1 else f"At worst {share} % of lanes"
+        lines.append(f"{told} {way}" + f": {named(where)}" * (len(where) < len(shares)))
     name, words = "tail_max_max", "Worst vehicle"
     if is_leaderless(cells):
         name, words = "outside_max", "Farthest out of the hull of the starts"
