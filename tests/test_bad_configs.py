@@ -121,7 +121,7 @@ def test_bad_config_is_refused_at_its_place(bad: Bad, tmp_path: Path):
     ("make", "reason"),
     [
         (lambda path: None, "No such file or directory"),
-        (Path.mkdir, "Is a directory"),
+        (Path.mkdir, "Is a directory; of results, give {path}/study.yaml"),
         (lambda path: path.write_bytes("name: früh\n".encode("latin-1")), "not UTF-8 text"),
     ],
 )
@@ -129,7 +129,7 @@ def test_what_cannot_be_read_is_named(make, reason: str, tmp_path: Path):
     path = tmp_path / "bad.yaml"
     make(path)
     lines = refusal(click.testing.CliRunner().invoke(main, ["check", str(path)]))
-    assert lines == [f"{path}: cannot be read: {reason}"]
+    assert lines == [f"{path}: cannot be read: {reason.format(path=path)}"]
 
 
 @pytest.mark.parametrize("bad", SEVERAL, ids=lambda bad: bad.key)

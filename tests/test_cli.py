@@ -276,7 +276,11 @@ def test_failed_lanes_are_named_and_strict_says_so(config, tmp_path):
     done = jaxnet_does(*words)
     assert done.exit_code == 0
     assert "failed: 2 max_steps of 2 lanes in cell 0" in done.stderr
-    assert f"jaxnet replay {tmp_path / 'out'} --cell 0 --sample 0" in done.stderr
+    again = f"next: jaxnet replay {tmp_path / 'out'} --cell 0 --sample 0"
+    assert done.stderr.splitlines()[-1] == again
+    assert done.stdout == ""  # no table of lanes that did not end
+    curve = jaxnet_does("figure", tmp_path / "out", "curve", "--y", "tail_mean")
+    assert "no lane of these cells came to its end" in curve.stderr
     assert jaxnet_does(*words, "--strict").exit_code == 3
     shown = jaxnet_does("show", tmp_path / "out").stdout
     assert "failed: 2 max_steps of 2 lanes in cell 0" in shown
@@ -289,6 +293,10 @@ def test_mistakes_of_the_user_end_with_status_2(config, finished, tmp_path):
     other = jaxnet_does("run", config, "seed=1", "--out", out)
     assert other.exit_code == 2
     assert "seed is 0 there and 1 here" in other.stderr
+    assert "--fresh" in other.stderr
+    rare = jaxnet_does("rare", config, "seed=1", "recovery={tau: 0.2}", "--out", out).stderr
+    assert "give another folder with --out" in rare
+    assert "--fresh" not in rare  # no option of that command
     assert "Traceback" not in other.stderr
     assert jaxnet_does("show", tmp_path).exit_code == 2
     assert jaxnet_does("run", config, "--outt", "x").exit_code == 2

@@ -439,6 +439,6 @@ def with_random_lanes(study: StudySource) -> Study:
     """The study with as many random lanes as its search takes; raise ConfigError."""
     study = load(study)
     if study.config.search is None:
-        told = "is missing: search: {over: {attack.phase: each}}"
+        told = "is missing: add, for example, search: {over: {attack.phase: each}}"
         raise ConfigError([Problem(study.config.name, "search", told)])
     return load(study, {"samples": study.config.search.budget})

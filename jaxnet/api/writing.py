@@ -3,7 +3,9 @@
 All that is heavy is imported here: `jaxnet.api.results` and the commands import this module late.
 """
 
+import warnings
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import xarray as xr
@@ -144,7 +146,10 @@ def write_figure(
     enable()
     chosen = chosen or {}
     look: Any = {"column": column, "note": note, **chosen}
-    drawn = figures.draw_figure(results, name, where, plain, **look)
+    draw = partial(figures.draw_figure, results, name, where, plain)
+    drawn, size = draw(**look), look.get("size")
+    if told := figures.room_words(drawn, size, lambda size: draw(**look | {"size": size})):
+        warnings.warn(f"{name}: {told}", stacklevel=2)
     file = figures.file_name(name, where or {}, column, chosen, plain, note, results.study.cells)
     with results.folder.writing():
         yield from figures.save_figure(results, file, drawn)

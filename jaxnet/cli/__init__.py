@@ -147,10 +147,12 @@ def run_command(
         errors.echo(texts.tables.part_text(part), err=True)
     else:
         results = jaxnet.run(study, out, fresh, True, **machines)
-        failed = results.manifest["lanes"]["failed"]
-        errors.echo(texts.tables.summary_text(results))
+        ok, failed = (results.manifest["lanes"][each] for each in ("ok", "failed"))
+        if ok:
+            errors.echo(texts.tables.summary_text(results))
         errors.echo(texts.tables.outcome_text(results, results.found_all), err=True)
-        errors.tell_next("report", results.path)
+        if ok:  # else the first failed lane is told, and how to replay it
+            errors.tell_next("report", results.path)
     if failed and strict:
         sys.exit(FAILED_LANES)
 
@@ -234,11 +236,13 @@ def show_command(
     if form == "text":
         most = None if whole or not sys.stdout.isatty() else texts.width.MOST_ROWS
         told = [texts.analyses.analyses_text(opened)]
+        ended = not opened.has_run or opened.cells["ok"].any()
         if opened.has_run:
-            table = texts.tables.summary_text(opened, *chosen, most)
+            table = texts.tables.summary_text(opened, *chosen, most) if ended or columns else ""
             told = [table, texts.tables.failures_text(opened, where), *told]
         errors.echo("\n\n".join(filter(None, told)))
-        errors.tell_next("report", results)
+        if ended:
+            errors.tell_next("report", results)
     elif opened.has_run:
         errors.echo(texts.tables.formatted(opened, form, *chosen))
     else:

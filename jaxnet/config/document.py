@@ -272,6 +272,8 @@ class Document:
         except (OSError, ValueError, TypeError, ImportError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             reason = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else reason
+            is_folder = isinstance(error, IsADirectoryError)
+            reason += f"; of results, give {path}/study.yaml" * is_folder
             raise ConfigError([Problem(str(path), "", f"cannot be read: {reason}")]) from error
         return cls(text, str(path), UPath(path).parent)
 

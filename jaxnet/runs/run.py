@@ -58,8 +58,12 @@ class Run:
         self.began, self.before = time.monotonic(), folder.manifest
         self.same_rows = False  # as the folder had when it was finished
         if isinstance(study.samples, int):
-            most = max(study.samples, self.before.get("samples", 0))
+            asked, most = study.samples, max(study.samples, self.before.get("samples", 0))
             study = study.model_copy(update={"samples": most})
+            if asked < most:
+                told = f"the run was begun with samples: {most}, and keeps them"
+                fewer = f"for samples: {asked} give --out or --fresh"
+                warnings.warn(f"{folder.path}: {told}; {fewer}", stacklevel=2)
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
         self.progress = progress
         self.crew = crew or (

@@ -62,7 +62,7 @@ def swept_key(argument: str, name: str, swept: Collection[str]) -> str:
 def names_of(key: str, label: Label) -> str:
     """A value as a table shows it, after its name in the config where that differs."""
     alone = plain_spaces(value_alone(key, label))
-    return f"{label} ('{alone}')" if isinstance(label, str) and alone != label else alone
+    return f"'{label}' ({alone})" if isinstance(label, str) and alone != label else alone
 
 
 def as_list(values: object) -> list[object]:

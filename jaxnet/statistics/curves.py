@@ -184,6 +184,8 @@ def no_magnitudes(found: Sequence[Curve]) -> str:
     """Say why there is no axis for ā; empty if there is one."""
     if not any(len(curve.cells) > 1 for curve in found):
         return "No two cells differ in ā > 0 alone: no curve δ̂(ā) of errors against ā is drawn."
+    if not any(curve.ended.any() for curve in found):
+        return "No attacked lane came to its end: no curve δ̂(ā) of errors against ā is drawn."
     sizes = np.concatenate([curve.sizes for curve in found])
     if sizes.min() < 1 / GREATEST_SHOWN or sizes.max() > GREATEST_SHOWN:
         ends = f"{sizes.min():.3g} to {sizes.max():.3g} m"

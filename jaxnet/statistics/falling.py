@@ -63,7 +63,7 @@ def falling_words(results: Results, cells: Sequence[Cell], named: Named | None =
     found = [cell for each in told.values() for cell in each]
     if not found:
         return ""
-    words = [f"{those_of(each, cells, named)} {what}" for what, each in told.items() if each]
+    words = [f"{those_of(each, cells, named)}: {what}" for what, each in told.items() if each]
     longer = LONGER * max(cell.scenario.horizon for cell in found)
     return f"{'; '.join(words)}. Try a longer run: horizon: {longer:g}"
 

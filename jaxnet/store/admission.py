@@ -25,14 +25,14 @@ from jaxnet.store.manifest import (
 )
 from jaxnet.version import __version__
 
-ANOTHER_FOLDER = "give another folder with --out, or replace its results with --fresh"
+ANOTHER_FOLDER = "give another folder with --out"
 LANES = re.compile(r"\..*|\d{5,}\.(parquet|npz)")  # what may be in lanes/
 
 
-def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
+def admit(folder: Folder, config: Config, fresh: bool | None = None) -> None:
     """Raise FolderError for a folder with another study, one by another version, or foreign files.
 
-    With `fresh`, remove earlier results instead, and nothing but results.
+    With `fresh`, remove earlier results instead, and nothing but results. None: it is no option.
     """
     written_by, holds = version_and_hash(folder)
     if fresh:
@@ -44,7 +44,8 @@ def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
     elif holds not in (None, digest(config)):
         why = f"holds another study{difference(folder, config)}"
     if why:
-        raise FolderError(f"{folder.path} {why}; {ANOTHER_FOLDER}")
+        told = ANOTHER_FOLDER + ", or replace its results with --fresh" * (fresh is not None)
+        raise FolderError(f"{folder.path} {why}; {told}")
 
 
 def claim(folder: Folder, config: Config) -> None:

@@ -133,9 +133,9 @@ def test_nothing_is_proved_of_sampled_or_limited_fleets():
     asked = {"defence": "none", "vehicle": "unicycle", "engine": "nonlinear"}
     assert "nothing is proved" not in check_text(jaxnet.load(asked))
     sampled = check_text(jaxnet.load({**asked, "engine": "sampled"}))
-    assert "nothing is proved where the sampled engine holds inputs" in sampled
+    assert "nothing is proved; since the sampled engine holds inputs" in sampled
     told = check_text(jaxnet.load({**asked, "vehicle": limited}))
-    assert "nothing is proved where unicycle may" in told
+    assert "since unicycle may" in told
 
 
 class Driven(Robotarium):
@@ -164,11 +164,17 @@ def test_a_slow_start_that_a_held_input_spoils_is_told_with_what_helps():
     failed = jaxnet.simulate(keys, 4, progress=False)
     assert (failed.lanes["status"] != "ok").all()
     told = " ".join(failures_text(failed).split())
-    assert "give vehicle.standstill: stop, vehicle.limits, a shorter tick, or" in told
+    assert "try vehicle.standstill: stop, vehicle.limits, a shorter tick" in told
+    assert "next: results.replay(0, 0)" in told
+    assert "WARNING: lanes may fail; engine: sampled" in check_text(jaxnet.load(keys))
+    stopping = keys | {"vehicle": {"kind": "two_wheeled", "standstill": "stop"}}
+    told = " ".join(check_text(jaxnet.load(stopping)).split())
+    assert "try vehicle.limits, a shorter tick" in told  # not what is set
     limits = {"force_rate": 50.0, "angular_acceleration": 5.0}
     vehicle = {"kind": "two_wheeled", "limits": limits}
     keys |= {"vehicle": vehicle | {"standstill": "stop"}}
     assert (jaxnet.simulate(keys, 4, progress=False).lanes["status"] == "ok").all()
+    assert "lanes may fail" not in check_text(jaxnet.load(keys))
 
 
 class LostAfter(Loss):

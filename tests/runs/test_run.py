@@ -367,6 +367,8 @@ def test_numbers_and_distributions_swept_together(tmp_path):
     few = jaxnet.run(systems.study(samples=2, **given), tmp_path / "out").lanes
     study = systems.study(samples=4, **given)
     many = jaxnet.run(study, tmp_path / "out")
+    with pytest.warns(UserWarning, match="begun with samples: 4, and keeps them; for samples: 2"):
+        assert jaxnet.run(systems.study(samples=2, **given), tmp_path / "out").found_all
     first = many.lanes[many.lanes["sample"] < 2].reset_index(drop=True)
     pd.testing.assert_frame_equal(first, few, check_exact=True)
     weights = ['{"uniform": [0.1, 0.2]}', "0.15"]

@@ -69,12 +69,12 @@ def test_a_value_may_be_written_as_a_table_or_the_config_has_it(where, numbers):
         (PLAIN, {"topolgy": "star"}, "topolgy is not swept", "topology; attack.magnitude"),
         (PLAIN, {"topolgy": "star"}, "topolgy is not swept", "did you mean 'topology'?"),
         (PLAIN, {"magnitud": 1}, "magnitud is not swept", "did you mean 'attack.magnitude'?"),
-        (NAMED, {"defence": "wmsr"}, "defence has no value wmsr", "it has none ('no defence'), "),
+        (NAMED, {"defence": "wmsr"}, "defence has no value wmsr", "it has 'none' (no defence), "),
         ({"defence": ["none", "w_msr"]}, {"defence": "wmsr"}, "wmsr", "did you mean 'w_msr'?"),
         (PLAIN, {"topology": "cyclic"}, "topology has no value cyclic", "it has star, path"),
         (PLAIN, {"attack.magnitude": ["1", "0.124"]}, "has no value 0.124", "it has 1, 2, 0.1235"),
         *(
-            (NAMED, {"attack.vehicles": wrong}, "has no value", "{\"random\": 1} ('1 drawn'), ")
+            (NAMED, {"attack.vehicles": wrong}, "has no value", "'{\"random\": 1}' (1 drawn), ")
             for wrong in ("4", "[4]", "{random: 2}", "{", "{kind: star}")
         ),
     ],

@@ -126,7 +126,7 @@ def test_what_grows_or_falls_by_little_is_not_marked(lanes):
 
 SHORT = {"name": "short", "horizon": 15.0, "engine": "exact", "defence": "trusted_only"}
 SHORT |= {"recovery": {"tau": 0.01}, "sweep": {"attack.magnitude": [0.1, 1.0, 100.0]}}
-TOLD = "n cells 0, 1 of 3 errors still fall when the run ends. Try a longer run:"
+TOLD = "n cells 0, 1 of 3: errors still fall when the run ends. Try a longer run:"
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +150,7 @@ def test_a_transient_is_told_wherever_results_are(short, undrawn, monkeypatch):
     short.fit()
     assert TOLD in one_line(fit_text(short))
     for figure in (short.plot.curve(), short.plot.tails(), short.plot.ultimate()):
-        assert "in ā = 0.1 and 1 m errors still fall" in one_line(figure.get_supxlabel())
+        assert "in ā = 0.1 and 1 m: errors still fall" in one_line(figure.get_supxlabel())
     page = short.report(replay=False).read_text()
     assert page.count("still fall when the run ends") == 1  # in the findings, not again below
 

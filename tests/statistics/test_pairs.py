@@ -85,8 +85,9 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
     assert "defence.kind: none in A, trusted_trim in B" in told
     words = " ".join(told.split())
     alike = "(alike): all lanes of the cell have the same value; at most 25.9 % of all possible"
-    assert alike in words  # 1 - 0.05^(1/10)
-    table, legend = words.partition(" All differences")[::2]
+    every = comparison.comparison_columns(found)
+    assert alike in comparison.comparison_legend(found, every)  # 1 - 0.05^(1/10)
+    table, legend = words.partition(" Δ: ")[::2]
     legend, left_out = legend.partition("left out: ")[::2]
     for column, note in {"worst vehicle": "Worst vehicle (", "pairs": "McNemar"}.items():
         assert column in table or (column in left_out and note not in legend)
@@ -97,7 +98,10 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
     assert "defence.kind" in html
     assert "unrecovered [%]" in html
     assert "McNemar" in html
-    (shares,) = (e for e in comparison.comparison_columns(found) if e.name == "unrecovered")
+    _, *quantities = (each for each in every if each.key is None)
+    shares, p = quantities[:2]  # just behind the cell and its values, in 80 columns too
+    assert (shares.name, p.name) == ("unrecovered", "p")
+    assert shares.texts()[0] in table
     assert shares.scaled() == (100 * found.cells["unrecovered"]).tolist()
 
 

@@ -86,12 +86,12 @@ FACTS = [
     (
         ALONE,
         "robustness",
-        "with one navigator no graph is more than 1-robust; r-robust: of any two",
+        "(glossary.md); with one navigator no graph is more than 1-robust",
     ),
     (ALONE | {"topology": "star"}, "robustness", "r = 0, s = 0; W-MSR"),
     (ALONE | {"vehicles": 40}, "robustness", "r = 1, s = 1; W-MSR"),
     # defences
-    ({"defence": "trusted_trim"}, "guarantee", "none: attacks are known"),
+    ({"defence": "trusted_trim"}, "guarantee", "none: known attacks pass"),
     ({"defence": ANNOUNCED}, "guarantee", "announced: by majority"),
     ({"defence": "trust"}, "guarantee", "none: whoever stays within the radius"),
     ({"defence": {"kind": "trust", "observation": "random"}}, "guarantee", "by earned trust"),
@@ -101,7 +101,7 @@ FACTS = [
     # laws: growths of an independent program
     (ROUNDS, "law", "UNSTABLE, deviations times 1.0458 at each tick of 0.05 s; 2 rounds are"),
     (ROUNDS, "law", "; stability is known only while all sources are retained"),
-    (ROUNDS, "safe", "nothing is proved where the law (rounds) is not solved at every"),
+    (ROUNDS, "safe", "nothing is proved; since the law (rounds) is not solved at every"),
     (
         ROUNDS | {"tick": 0.2},
         "law",
@@ -304,7 +304,7 @@ def test_messages_that_are_lost_together_or_replaced_keep_nobody_from_trimming(k
 def test_a_broken_premise_of_safety_is_named(keys, why):
     """Once for each of several, and no safe vehicle nor decay beside it."""
     found = known(**keys)
-    assert found["safe"].startswith("nothing is proved where ")
+    assert found["safe"].startswith("nothing is proved; since ")
     assert why in found["safe"]
     assert not {"decay", "proof ends", "theorem 3"} & {*found}
 

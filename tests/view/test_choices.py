@@ -217,7 +217,8 @@ def test_size_and_type_are_as_asked(results, tmp_path):
     assert (label.get_fontsize(), label.get_fontfamily()) == (12.0, ["serif"])
     assert figure.axes[0].get_xticklabels()[0].get_fontsize() == 10.5
     figure.savefig(tmp_path / "figure.pdf")
-    for wrong in ({"size": "3x"}, {"size": (0, 2)}, {"font_size": 90}, {"font": "no such font"}):
+    wrongs = {"size": "3x"}, {"size": "86"}, {"size": (0, 2)}, {"font_size": 90}, {"font": "none"}
+    for wrong in wrongs:
         with pytest.raises(FolderError, match=next(iter(wrong))):
             results.figure("curve", **wrong)
     with pytest.raises(FolderError, match="tails takes no hue"):

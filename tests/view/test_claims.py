@@ -75,7 +75,9 @@ def test_gains_of_each_vehicle_prove_nothing_where_weights_switch():
     """Products of tick matrices grow there without attack; not with fixed weights or no cycle."""
     keys = {"gain": OWN, "attack": "none"}
     trimmed = told(**keys, defence="trusted_trim")
-    assert "safe nothing is proved where gains differ by vehicle, and weights may switch" in trimmed
+    assert (
+        "safe nothing is proved; since gains differ by vehicle, and weights may switch" in trimmed
+    )
     assert "Lemma 1" not in trimmed
     assert safe(**keys, defence="trusted_trim") == {}
     fixed = told(**keys, defence="none")

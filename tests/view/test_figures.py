@@ -133,7 +133,7 @@ def test_topologies(results):
     star, cyclic = results.plot.topologies().axes
     weights = "weights: neighbours 0.45, navigator 0.1"
     titles = ["star\nweights: navigator 1", f"cyclic\n{weights}"]
-    given = [axes.get_title().replace(",\n", ", ") for axes in (star, cyclic)]
+    given = [plain(axes.get_title().replace(",\n", ", ")) for axes in (star, cyclic)]
     assert given == titles
     attacked = [[patch.get_linestyle() != "-" for patch in axes.patches] for axes in (star, cyclic)]
     assert [(len(each), sum(each)) for each in attacked] == [(12, 4), (32, 8)]
@@ -176,6 +176,17 @@ def test_vehicles_drawn_for_each_lane_are_told_beside_the_graph():
         drawn = topology.topology_figure(systems.study(attack=attack, topology="complete").cells)
         assert ("drawn for each lane" in drawn.get_supxlabel()) is bool(told)
         assert told in drawn.get_supxlabel()
+    sweep = {"attack.vehicles": [{"random": 1}, {"random": 2}]}
+    drawn = topology.topology_figure(systems.study(topology="complete", sweep=sweep).cells)
+    assert "1 to 2 attacked vehicles drawn for each lane" in drawn.get_supxlabel()
+
+
+@pytest.mark.parametrize("redraw", [False, True])
+def test_a_graph_that_each_lane_draws_anew_is_told_to_be_an_example(redraw):
+    graph = {"kind": "erdos_renyi", "redraw": redraw}
+    cells = systems.study(topology=graph, defence="none", attack="none").cells
+    title = topology.topology_figure(cells).axes[0].get_title()
+    assert ("each lane has another graph" in title.replace("\n", " ")) is redraw
 
 
 def test_links_of_the_navigator_stand_out():
@@ -369,7 +380,7 @@ def test_nodes_of_graphs_keep_apart():
     assert figure.get_supxlabel() == ""
     figure, _ = graphs_of(300, [7], ["star"])
     assert {text.get_text() for text in figure.axes[0].texts} == {"0", "7"}
-    assert figure.axes[0].get_title() == "star\nweights: navigator 1"
+    assert plain(figure.axes[0].get_title()) == "star\nweights: navigator 1"
     words = "There is no room for the numbers of vehicles that are not attacked"
     assert figure.get_supxlabel() == words
 
@@ -504,3 +515,22 @@ def test_style_and_note_can_be_left_out(results):
     for plots in (results.plot, results.plot.plain):
         assert plots.tails().get_supxlabel()
         assert plots.tails(note=False).get_supxlabel() == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "told"),
+    [
+        ("topologies", "86x40mm", "too low for its panels"),
+        ("bands", "30x30mm", "1 of 2 groups"),
+    ],
+)
+def test_a_figure_without_room_says_which_size_has_it(results, name, size, told):
+    """That size has room indeed."""
+
+    def draw(size):
+        return results.figure(name, size=size)
+
+    words = every.room_words(draw(size), size, draw)
+    assert told in words
+    room = words.partition("--size ")[2].removesuffix(" has room")
+    assert every.room_words(draw(room), room, draw) == ""

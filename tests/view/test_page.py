@@ -277,7 +277,7 @@ TOLD = [
     ),
     (FOUR, DEFENCES, "error 20\xa0m<br>vs none: no difference found</td></tr></tbody>"),
     (MANY, FALLING, "error 2\xa0m<br>error still falls<br>vs none: smaller error</td>"),
-    (MANY, FALLING, "<b>Warning:</b> in cell 1 of 3 errors still fall when the run ends."),
+    (MANY, FALLING, "<b>Warning:</b> in cell 1 of 3: errors still fall when the run ends."),
     (
         FOUR,
         JUDGED | {"recovery": {"tau": 2.0}},

@@ -88,7 +88,7 @@ class TrustedTrim(BearsTheta, Sparing):
     """
 
     words = "trusted trimming"
-    guarantee = "none: attacks are known that pass the score of positions, of jets and of feedback"
+    guarantee = "none: known attacks pass its scores of positions, of jets and of feedback"
 
     tolerance: NotNegative = setting(
         OF_ROUNDING,

@@ -1,6 +1,7 @@
 """All figures of a results folder, by name, written as PNG and PDF."""
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -70,6 +71,7 @@ NO_CHOICE: Mapping[str, object] = {}
 FILE_KINDS = "png", "pdf"
 RETIRED = ("curve_median",)  # figures of earlier versions, which may stand in a folder
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
+LEAST_HEIGHT = 0.8  # of the height that a figure would take
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
 
@@ -102,6 +104,7 @@ def tiled_figure(
     tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
     if tiles is None:
         raise lacking_error(results, *TWO_KEYS)
+    need_lanes(results, cells)
     if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
         raise lacking_error(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
     return printed(heat_drawing(results, tiles, metric), width)
@@ -111,6 +114,7 @@ def curves_of(results: Results, cells: Sequence[Cell]) -> list[Curve]:
     """Curves against ā; raises LackingError if there are none."""
     if is_leaderless(cells):
         raise LackingError(f"{results.place}: {NO_ULTIMATE_ERROR}")
+    need_lanes(results, cells)
     found = curves(results, cells)
     if reason := no_magnitudes(found):
         remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
@@ -201,6 +205,7 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             notes += [FORMATION_NOTE] * (of_errors and formation)
             multiples.write_note(made, multiples.escape_dollars("; ".join(filter(None, notes))))
             multiples.make_room(made)
+            made.height = made.get_figheight()
             if asked:
                 made.set_size_inches(asked)
         if not note:
@@ -307,6 +312,8 @@ class Plots:
         `results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")`.
         """
         chosen = choose_axes(cells, **axes)
+        if y != "failed":
+            need_lanes(self.results, cells)
         found = quantity_of(self.results, cells, y or asked_quantity(self.results.study.config))
         if not found.known.size:
             lacking = NO_SHARE if found.name == "unrecovered" else NO_ERROR
@@ -407,6 +414,24 @@ def draw_figure(
             raise FolderError(f"{name} takes no {key}")
     plots = Plots(results)
     return getattr(plots.plain if plain else plots, name)(where, **given)
+
+
+def room_words(
+    drawn: Figure, size: style.FigureSize | None, draw: Callable[[style.FigureSize], Figure]
+) -> str:
+    """What a figure leaves out, or that it is too low, and a size that has room; else ""."""
+    asked, metric = style.inches(size), str(size).endswith("mm")
+    is_low = asked is not None and asked[1] < LEAST_HEIGHT * drawn.height
+    told = drawn.left_out or ("too low for its panels" if is_low else "")
+    for width in (drawn.get_figwidth(), style.FIGURE_WIDTH) if told else ():
+        whole = draw((width, style.GREATEST_HEIGHT))
+        if not whole.left_out:
+            high = whole.height
+            room = f"{width:.4g}x{math.ceil(10 * high) / 10:g}"
+            if metric:
+                room = f"{25.4 * width:.0f}x{math.ceil(25.4 * high)}mm"
+            return f"{told}; --size {room} has room"
+    return f"{told}; --where KEY=VALUE chooses" * bool(told)
 
 
 def file_name(

@@ -38,7 +38,7 @@ LEGEND_LINE = 0.16  # [in]
 LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
 LABEL_ROOMS = 0.25, 0.45  # [in] between labels of a log axis, along y and along x
-LETTERS_PER_PANEL = 18  # of a line along a panel's height
+LETTERS_PER_PANEL = 22  # of a line along a panel's height
 BETWEEN = 1.06  # of a panel, the middle between it and the next
 
 
@@ -130,13 +130,13 @@ def show_unparsed(drawn: Figure) -> None:
 
 
 def write_left_out(drawn: Figure, *parts: Selection, where: str) -> None:
-    """Write how many of each noun are drawn, if some are not, which not, and where all are."""
+    """Write, and keep, how many of each noun are drawn, if some are not, and which are not."""
     lacking = [part for part in parts if len(part[0]) < len(part[1])]
     if lacking:
         told = [f"{len(shown):,} of {len(there):,} {noun}" for shown, there, noun in lacking]
         gone = ", ".join(word for shown, there, _ in lacking for word in gone_words(shown, there))
-        told = f"{' and '.join(told)} are drawn{f'; not drawn: {gone}' * bool(gone)}"
-        write_note(drawn, escape_dollars(f"{told}; all are in {where}"))
+        drawn.left_out = f"{' and '.join(told)} are drawn{f'; not drawn: {gone}' * bool(gone)}"
+        write_note(drawn, escape_dollars(f"{drawn.left_out}; all are in {where}"))
 
 
 def write_note(drawn: Figure, words: str) -> None:

@@ -86,8 +86,10 @@ def inches(size: FigureSize | None) -> tuple[float, float] | None:
     """Width and height [in]; raises FolderError if they are none, or beyond 1 to 50 in."""
     if size is None:
         return None
-    match = SIZE.fullmatch(size) if isinstance(size, str) else None
-    given, unit = match.groups()[:2] if match else size, match[3] if match else "in"
+    given, unit = size, "in"
+    if isinstance(size, str):
+        match = SIZE.fullmatch(size)
+        given, unit = (match.groups()[:2], match[3]) if match else ((), "in")
     try:
         width, height = (float(each) / (25.4 if unit == "mm" else 1.0) for each in given)
     except (TypeError, ValueError):
@@ -125,6 +127,8 @@ class Figure(figure.Figure):
     """A figure with its style in every output, displayed by a notebook."""
 
     style: Style = PRINT_STYLE
+    left_out = ""  # what is not drawn
+    height = 0.0  # [in] that it would take, were its size not given
 
     def savefig(
         self,

@@ -16,7 +16,7 @@ from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import labels_title, value_name
+from jaxnet.config.naming import NO_BREAK, labels_title, value_name
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.sweep import keys_in
 from jaxnet.model.graph import Digraph
@@ -56,6 +56,7 @@ LINK_LOOKS: dict[str, dict[str, Any]] = {
     "link of the navigator": {"color": "0.15", "linewidth": 1.2, "linestyle": "-", "zorder": 1.5},
     "other link": {"color": "0.62", "linewidth": 0.7, "linestyle": "-"},
 }
+REDRAWN = "one example: each lane has another graph"
 HEAD = "|>,head_length=3.2,head_width=1.5"
 WEIGHT_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
 
@@ -113,7 +114,7 @@ class DrawnGraph:
 
     @property
     def title(self) -> str:
-        """The graph's name, and weights of many links."""
+        """The graph's name, whether it is an example, and weights of many links."""
         inner = {key: value for key, value in graph_labels(self.cell).items() if key != "topology"}
         name = ", ".join(filter(None, [topology_name(self.cell), labels_title(inner)]))
         words = []
@@ -121,9 +122,10 @@ class DrawnGraph:
             weights = [f"{weight:.3g}" for of, weight in self.classes if of == leads]
             if len(weights) > MOST_CLASSES:
                 weights = [f"{weights[0]} to {weights[-1]}"]
-            words += [f"{source} {' or '.join(weights)}"] * bool(weights)
-        lines = [multiples.escape_dollars(name), f"weights: {', '.join(words)}"]
-        return "\n".join(lines[: 1 + bool(words)])
+            words += [f"{source} {' or '.join(weights)}".replace(" ", NO_BREAK)] * bool(weights)
+        lines = [multiples.escape_dollars(name)]
+        lines += [REDRAWN] * self.cell.scenario.topology.redrawn()
+        return "\n".join([*lines, *[f"weights: {', '.join(words)}"] * bool(words)])
 
     def bends(self, listener: int, source: int) -> bool:
         """Whether a link is bent: a link back looks otherwise, or a node is in the way."""
@@ -193,7 +195,7 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     if any(each.diameter(72 * size) < LEAST_NUMBERED_NODE for each in small):
         words = "There is no room for the numbers of vehicles that are not attacked"
         multiples.write_note(drawn, words)
-    attacks = [each.cell.scenario.attack for each in shown]
+    attacks = [cell.scenario.attack for cell in cells]
     if drawn_for := {each.number() for each in attacks if each.number() and not each.targets()}:
         words = count_between(drawn_for, "attacked vehicle")
         multiples.write_note(drawn, f"{words} drawn for each lane, not marked here")

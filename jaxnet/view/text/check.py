@@ -25,6 +25,7 @@ from jaxnet.store import layout
 from jaxnet.theory.case import Case
 from jaxnet.theory.theorems import values
 from jaxnet.view.text.facts import Facts, lines_of
+from jaxnet.view.text.tables import held_words
 from jaxnet.view.text.verdict import Claim, claims, verdict_lines
 from jaxnet.view.text.width import numbered_words, terminal_width
 
@@ -59,6 +60,7 @@ def check_text(study: Study, number: int | None = None) -> str:
     found, (times, said) = networks(cells), endings(study, cells)
     named = partial(numbered_words, cells=cells)
     warnings = errors_words(study.config, cells, named), cuts_words(cells, named)
+    warnings += (f"lanes may fail; {held_words(slow)}",) if (slow := slow_cells(cells)) else ()
     first = [*study_head(study), *(f"WARNING: {each}" for each in warnings if each)]
     said += [(claim, cell.number) for each in found for cell in each.cells for claim in each.claims]
     texts = ["\n".join(verdict_lines(first, said, cells))]
@@ -129,8 +131,20 @@ def study_head(study: Study) -> list[str]:
     samples = f"{most}{count(settled.most_samples, 'sample')} = {count(lanes, 'lane')}"
     return [
         f"{settled.name}: {count(len(study.cells), 'cell')} × {samples},"
-        f" {settled.engine.kind} engine, no faults",
-        f"The study can run; it needs {decimal(round(memory))} of memory and {disk} on disk.",
+        f" {settled.engine.kind} engine",
+        f"The config is valid; it needs {decimal(round(memory))} of memory and {disk} on disk.",
+    ]
+
+
+def slow_cells(cells: Sequence[Cell]) -> list[Cell]:
+    """Cells whose vehicles hold inputs that grow without bound as a vehicle slows down."""
+    return [
+        cell
+        for cell in cells
+        if (known := cell.scenario).engine.samples
+        and known.vehicle.singular == 1
+        and known.law.singular_at_rest()
+        and not (known.vehicle.standstill == "stop" and known.vehicle.limits)
     ]
 
 

@@ -14,7 +14,7 @@ from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.model.wording import count
 from jaxnet.statistics.pairs import Comparison
 from jaxnet.statistics.quantities import TITLES, definition, stored_values
-from jaxnet.view.columns import Column, all_alike, key_column, plain_column
+from jaxnet.view.columns import Column, all_alike, key_column, plain_column, split_constant
 from jaxnet.view.text.printer import columns_text, narrow_columns
 from jaxnet.view.text.tables import missing_lines
 from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
@@ -37,21 +37,21 @@ def of_metrics(metrics: dict[str, str], end: str, title: str) -> list[tuple[str,
 # Columns of differences.csv, what matters most first: name, that in a CSV table, and how the names
 # of the ends of its interval begin, there and in a CSV table.
 DIFFERENCES = [
-    *of_metrics(FILTER_METRICS | FIRST_METRICS, "median", " median"),
+    ("unrecovered", "unrecovered", "unrecovered", "share"),
+    ("p", "p"),
     ("saved", "only A off"),
     ("lost", "only B off"),
-    ("unrecovered", "unrecovered", "unrecovered", "share"),
+    *of_metrics(FILTER_METRICS | FIRST_METRICS, "median", " median"),
     *of_metrics(FILTER_METRICS | FIRST_METRICS, "difference", ""),
     (f"{COLLISIONS.name}_difference", "collisions", COLLISIONS.name, "collisions"),
-    ("p", "p"),
     ("pairs", "pairs"),
     *of_metrics(SECOND_METRICS, "median", " median"),
     *of_metrics(SECOND_METRICS, "difference", ""),
     ("failed", "failed"),
 ]
+DELTA = "Δ "  # before the title of a difference
 LEGEND = (
-    "All differences are B - A, of the same draws: their means, and medians where so named; [low,"
-    " high]: 95 % intervals."
+    "Δ: B − A, of the same draws: means, and medians where so named; [low, high]: 95 % intervals."
 )
 NOTES = {  # of columns whose titles begin so
     "error": definition(CONTRACT[0]),
@@ -68,7 +68,7 @@ def comparison_legend(found: Comparison, shown: Sequence[Column]) -> str:
     """What the columns that are shown have, in sentences."""
     lanes: Any = found.cells.set_index("cell")
     independent = bool(lanes.filter(like="_median_low").notna().to_numpy().any())
-    titles = [f"{each.title} " for each in shown]
+    titles = [f"{each.title.removeprefix(DELTA)} " for each in shown]
     notes = [
         note for begin, note in NOTES.items() if any(t.startswith(f"{begin} ") for t in titles)
     ]
@@ -93,8 +93,9 @@ def comparison_columns(found: Comparison) -> list[Column]:
         if name == "p":  # says nothing of no lanes
             values = values.where(table["saved"] + table["lost"] > 0)
         column = plain_column(told, values.tolist())
-        column = column._replace(title=f"{SHOWN_AS.get(first, first)}{gap}{rest}")
         if stems:
+            title = f"{DELTA}{SHOWN_AS.get(first, first)}{gap}{rest}"
+            column = column._replace(title=title)
             entries = stored_values(table, [name, f"{stems[0]}_low", f"{stems[0]}_high"])
             if "[m]" in told:
                 metric, entries["size"] = stems[0].removesuffix("_median"), 1.0
@@ -104,15 +105,18 @@ def comparison_columns(found: Comparison) -> list[Column]:
             known = ends if entries[["low", "high"]].notna().to_numpy().any() else None
             column = column._replace(entries=entries, ends=known)
         if name == "unrecovered":
-            column = column._replace(title="unrecovered [%]", scale=100.0)
+            column = column._replace(title=f"{DELTA}unrecovered [%]", scale=100.0)
         columns.append(column)
     return columns
 
 
 def comparison_text(found: Comparison) -> str:
     columns = comparison_columns(found)
-    shown, left_out = narrow_columns([each.at(slice(MOST_ROWS)) for each in columns])
-    lines = [columns_text(shown), "", filled(comparison_legend(found, shown))]
+    varied, constant = split_constant(columns)
+    shown, left_out = narrow_columns([each.at(slice(MOST_ROWS)) for each in varied])
+    lines = [columns_text(shown), *[filled(constant)] * bool(constant), ""]
+    same = [each for each in columns if all(each is not other for other in varied)]
+    lines.append(filled(comparison_legend(found, [*shown, *same])))
     if len(found.cells) > MOST_ROWS:
         lines.append(f"… {len(found.cells) - MOST_ROWS} more pairs of cells in differences.csv")
     lines += left_out_note(left_out, "differences.csv")
@@ -140,12 +144,19 @@ def settings_lines(found: Comparison) -> list[str]:
 
 
 def named_lanes(what: str, lanes: pd.DataFrame) -> str:
-    named = []
-    for lane in lanes.to_dict("records"):
+    """So many lanes, with the samples of each cell."""
+    named: dict[int, list[str]] = {}
+    for lane in lanes.head(MOST_NAMED_LANES).to_dict("records"):
         a, b = lane.get("status_A", ""), lane.get("status_B", "")
         ends = f" ({a} in A, {b} in B)" if a != b else f" ({a} in both)" * bool(a)
-        named.append(f"cell {lane['cell']} sample {lane['sample']}{ends}")
-    return filled(f"{what}: {count(len(named), 'lane')}: {first_names(named)}") if named else ""
+        named.setdefault(lane["cell"], []).append(f"{lane['sample']}{ends}")
+    told = [
+        f"cell {cell} sample{'s' * (len(mine) > 1)} {', '.join(mine)}"
+        for cell, mine in named.items()
+    ]
+    more = len(lanes) - MOST_NAMED_LANES
+    told[-1:] = [f"{told[-1]} and {more} more"] if more > 0 else told[-1:]
+    return filled(f"{what}: {count(len(lanes), 'lane')}: {'; '.join(told)}") if told else ""
 
 
 def first_names(named: Sequence[str]) -> str:

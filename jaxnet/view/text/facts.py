@@ -284,8 +284,8 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
     elif not law and not scenario.law.solves():
         why = ": " + premise_words(scenario, broken[0]) if broken else ""
         law = f"{scenario.law.kind}: nothing is known of its stability{why}"
-    why = (premise_words(scenario, each) for each in missing(scenario, MOTION))
-    unproved = "; ".join(f"nothing is proved where {each}" for each in why)
+    why = [f"; since {premise_words(scenario, each)}" for each in missing(scenario, MOTION)]
+    unproved = f"nothing is proved{''.join(why)}" if why else ""
     safe, announced = told.get("safe") or unproved, {}
     if not scenario.navigator.present:  # nobody follows; `guarantee` tells of agreement
         safe = ""
@@ -322,9 +322,7 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
     return (
         f"r = {between(found.r)}, s = {between(s)}; {value_name('defence', name)} bears F attackers"
         " among the sources of each vehicle (F-local) if the vehicles alone are r-robust with r ≥"
-        f" 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1{one}; r-robust: of any two"
-        " separate groups of vehicles, one has a vehicle that hears r vehicles outside its group;"
-        " (s, s)-robust: at least s vehicles of the two, or all of one, hear s so"
+        f" 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1 (glossary.md){one}"
     )
 
 

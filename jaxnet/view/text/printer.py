@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from jaxnet.view.columns import Column
 
 MEDIAN_ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go last
-WORST_ERRORS = ("tail_max_max", "in_hull", "only A off", "only B off")  # that go just before
+WORST_ERRORS = ("tail_max_max", "in_hull")  # that go just before
 LEAST_TITLE, MOST_LINES = 9, 3  # letters of a line of a title, and its lines
 LEAST_LABEL, FREE_LABEL = 14, 24  # letters that a label is wrapped to: at least, with room
 GAP = 2  # letters between columns

@@ -57,11 +57,6 @@ FAILURE_REASONS = {
     "unmeasured": "a metric of the study is infinite or undefined (extending.md: undefined)",
 }
 HELD_TOO_LONG = ["singular", "max_steps", "nonfinite", "diverged"]  # of a digital controller
-ON_SAMPLED = (
-    "engine: sampled: vehicles hold inputs for a tick, and a slow vehicle's are great (as 1/speed):"
-    " give vehicle.standstill: stop, vehicle.limits, a shorter tick, or a faster start"
-    " (initial.speed)"
-)
 
 
 def summary_text(
@@ -164,7 +159,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
 
 
 def held_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
-    """Where all lanes hold, where most lanes do not, and the range of the worst errors."""
+    """Where most lanes or all do not hold, and the range of the worst errors."""
     if len(cells) < 2:
         return []
     table: Any = results.cells.loc[[cell.number for cell in cells]]
@@ -176,20 +171,11 @@ def held_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
     shares: Any = lost[table.index].dropna() if asked else share_failed(table)["value"]
     kind = "cells" if len(shares) == len(cells) else "attacked cells"
 
-    def tell(some: Any, what: str) -> None:
-        where, of = some.index[some].tolist(), f"{len(some)} {kind} {what} {way}"
-        few = len(where) < len(some)
-        lines.append(f"In {len(where)} of {of}: {named(where)}" if few else f"In all {of}")
-
-    if way and len(shares):
-        none, most = shares == 0, shares.max()
-        if shares.min() < 1:
-            tell(*((none, "no lane") if none.any() else (shares > 0, "some lanes")))
-        if most == 1:
-            tell(shares == 1, "all lanes")
-        elif most > 0:
-            where, share = shares.index[shares == most].tolist(), number_text(100 * most, whole=100)
-            lines.append(f"At worst {share} % of lanes {way}: {named(where)}")
+    if way and len(shares) and (most := shares.max()) > 0:
+        where, share = shares.index[shares == most].tolist(), number_text(100 * most, whole=100)
+        told = f"{len(where)} of {len(shares)}" if len(where) < len(shares) else f"all {len(where)}"
+        told = f"In {told} {kind} all lanes" if most == 1 else f"At worst {share} % of lanes"
+        lines.append(f"{told} {way}" + f": {named(where)}" * (len(where) < len(shares)))
     name, words = "tail_max_max", "Worst vehicle"
     if is_leaderless(cells):
         name, words = "outside_max", "Farthest out of the hull of the starts"
@@ -350,19 +336,29 @@ def failures_text(results: Results, where: Where | None = None) -> str:
         filled(f"failed: {told} of {count(lanes, 'lane')} in {numbered_words(numbers, cells)}")
         for numbers, told, lanes in failures_alike(results, by_cell)
     ]
+    every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
+    lines += [filled(f"{k}: {FAILURE_REASONS[k]}") for k in every if k in FAILURE_REASONS]
+    held = [known[cell] for cell, kinds in by_cell.items() if {*kinds} & {*HELD_TOO_LONG}]
+    lines += filter(None, [filled(held_words(held))])
     failed: Any = results.failed(sys.maxsize)[1]
     for row in failed[failed["cell"].isin([*known])].head(1).itertuples():
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
         title = cell_title(known[row.cell])
         lines.append(filled(f"the first: {title}, sample {row.sample}: {row.status}{since}"))
-        lines.append(f"  {results.replay_command(row.cell, row.sample)}")
-    every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
-    lines += [filled(f"{k}: {FAILURE_REASONS[k]}") for k in every if k in FAILURE_REASONS]
-    held = [cell for cell, kinds in by_cell.items() if {*kinds} & {*HELD_TOO_LONG}]
-    if any(known[number].scenario.engine.samples for number in held):
-        lines.append(filled(ON_SAMPLED))
+        lead = "  " if results.cells["ok"].any() else "next: "
+        lines.append(f"{lead}{results.replay_command(row.cell, row.sample)}")
     return "\n".join(lines)
+
+
+def held_words(cells: Sequence[Cell]) -> str:
+    """What may help where vehicles hold inputs for a tick, without what all of them have."""
+    vehicles = [cell.scenario.vehicle for cell in cells if cell.scenario.engine.samples]
+    helps = ["vehicle.standstill: stop"] * any(each.standstill == "fail" for each in vehicles)
+    helps += ["vehicle.limits"] * any(not each.limits for each in vehicles)
+    helps += ["a shorter tick", "a faster start (initial.speed)"]
+    told = "engine: sampled holds inputs for a tick, and a slow vehicle's are great (as 1/speed)"
+    return f"{told}: try {', '.join(helps)}, best together" if vehicles else ""
 
 
 def failures_alike(
