@@ -217,7 +217,16 @@ def test_the_tutorial_shows_the_tables_that_run_show_and_fit_print(tmp_path, mon
     "name",
     [
         pytest.param("api", marks=pytest.mark.long),  # simulates
-        *("acting", "channel", "config", "detectors", "gallery", "install", "search", "sensitivity"),
+        *(
+            "acting",
+            "channel",
+            "config",
+            "detectors",
+            "gallery",
+            "install",
+            "search",
+            "sensitivity",
+        ),
     ],
 )
 def test_what_other_pages_show_can_be_done(name, home):

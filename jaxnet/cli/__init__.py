@@ -236,7 +236,7 @@ def show_command(
     if form == "text":
         most = None if whole or not sys.stdout.isatty() else texts.width.MOST_ROWS
         told = [texts.analyses.analyses_text(opened)]
-        ended = not opened.has_run or opened.cells["ok"].any()
+        ended = not opened.has_run or opened.cells["ok"].to_numpy().any()
         if opened.has_run:
             table = texts.tables.summary_text(opened, *chosen, most) if ended or columns else ""
             told = [table, texts.tables.failures_text(opened, where), *told]

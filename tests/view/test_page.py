@@ -619,7 +619,7 @@ def test_lanes_in_which_a_pair_comes_too_near_are_counted():
     )
     assert "tail_mean_difference" not in found.cells
     titles = [each.title for each in comparison.comparison_columns(found)]
-    assert {"least distance [m]", "least distance median [m]"} <= {*titles}
+    assert {"Δ least distance [m]", "Δ least distance median [m]"} <= {*titles}
     starts = jaxnet.simulate(
         keys | {"horizon": 0.05, "tail": 0.05, "output_step": 0.05}, progress=False
     )

@@ -346,7 +346,7 @@ def failures_text(results: Results, where: Where | None = None) -> str:
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
         title = cell_title(known[row.cell])
         lines.append(filled(f"the first: {title}, sample {row.sample}: {row.status}{since}"))
-        lead = "  " if results.cells["ok"].any() else "next: "
+        lead = "  " if results.cells["ok"].to_numpy().any() else "next: "
         lines.append(f"{lead}{results.replay_command(row.cell, row.sample)}")
     return "\n".join(lines)
 
