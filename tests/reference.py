@@ -98,7 +98,7 @@ class Swinging(Sensor):
 
 
 class Humming(ChannelNoise):
-    """Errors of words by tick, listener, source, axis and order, the highest order last."""
+    """Errors of messages by tick, listener, source, axis and order, the highest order last."""
 
     size: Any
     pace: Any
@@ -357,7 +357,7 @@ class Fleet:
         return errors
 
     def word_errors(self, n, i, j):
-        """Errors of a word, (orders, 2)."""
+        """Errors of a message, (orders, 2)."""
         errors, given = np.zeros((self.r + 1, 2)), self.channel["noise"]
         if isinstance(given, Humming):
             for k, x in np.ndindex(self.r + 1, 2):
@@ -464,7 +464,7 @@ class Fleet:
         return np.einsum("k,...kx->...x", self.k, jets)
 
     def know_the_start(self, jets):
-        """The words of t = 0, which stand in for first words that are lost."""
+        """The messages of t = 0, which stand in for first messages that are lost."""
         for i, j in self.links:
             own = np.concatenate([jets + self.noise * self.holds, np.zeros((self.m, 1, 2))], axis=1)
             told = self.carried(np.zeros(1), i, j, own[None, j - 1])[0]

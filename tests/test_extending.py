@@ -21,7 +21,7 @@ from jaxnet.cli import main
 from jaxnet.engine.tick import Seen
 from jaxnet.kinds import contract
 from jaxnet.kinds.defences import Neighbourhood
-from jaxnet.kinds.detectors import JudgedWords
+from jaxnet.kinds.detectors import JudgedMessages
 from jaxnet.kinds.losses import Messages
 from jaxnet.kinds.noises import ChannelNoise
 from jaxnet.kinds.observers import HeardMessages
@@ -269,7 +269,7 @@ Sensor.errors(self, time, vehicles): [jnp.zeros((2, vehicles, *time.shape), jnp.
 Single.errors gives float32 (2, 3, 16); expected: double prec
 
 detector='broken:AlarmOfVehicles'
-Detector.alarms(self, words, memory): words.judged.any(axis=0), memory
+Detector.alarms(self, messages, memory): messages.judged.any(axis=0), memory
 AlarmOfVehicles.alarms gives bool (3, 16); expected: booleans (s
 
 defence='broken:Restless'
@@ -455,7 +455,9 @@ def test_every_contract_can_be_read():
     ]
     read = [contract.hints_of(each) for each in methods if inspect.isfunction(each)]
     assert sum("return" in hints for hints in read) > 100
-    assert all(map(contract.hints_of, (Seen, Messages, JudgedWords, HeardMessages, Neighbourhood)))
+    assert all(
+        map(contract.hints_of, (Seen, Messages, JudgedMessages, HeardMessages, Neighbourhood))
+    )
 
 
 def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
@@ -487,7 +489,7 @@ def test_a_strangers_loss_decides_which_messages_arrive(folder, monkeypatch):
 
 
 def test_a_strangers_detector_counts_alarms(folder, monkeypatch):
-    """A quarter of honest words is far off, so a sixteenth of the pairs; the first has none."""
+    """A quarter of honest messages is far off, so a sixteenth of the pairs; the first has none."""
     monkeypatch.syspath_prepend(folder)
     keys = {"engine": "exact", "vehicles": 4, "horizon": 10.0, "attack": "none", "defence": "none"}
     keys |= {"detector": {"kind": "my_detectors:Twice", "threshold": 4 * np.log(2)}}
@@ -499,7 +501,7 @@ def test_a_strangers_detector_counts_alarms(folder, monkeypatch):
 
 
 def test_a_strangers_detector_cuts_links(folder, monkeypatch):
-    """Every pair of words alarms, so that all links are cut at the second tick, for 3 ticks."""
+    """Every pair of messages alarms, so that all links are cut at the second tick, for 3 ticks."""
     monkeypatch.syspath_prepend(folder)
     cuts = {"kind": "my_detectors:Twice", "threshold": 1e-9, "cuts": "link", "return_after": 0.15}
     keys = {"engine": "exact", "law": "local", "vehicles": 4, "attack": "none", "defence": "none"}

@@ -270,14 +270,14 @@ def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
 
 
 def late_ticks(scenario: Scenario) -> int:
-    """The greatest number of ticks by which words are late."""
+    """The greatest number of ticks by which messages are late."""
     if not (scenario.channel.late and has_ticks(scenario)):
         return 0
     return max(1, round(value_range(scenario.channel.delay)[1] / scenario.tick))
 
 
 def steps_of(scenario: Scenario, draw: Draw) -> Any:
-    """The steps to which the jets of words are rounded, (samples, r), None where they are not."""
+    """The steps to which jets of messages are rounded, (samples, r), None where they are not."""
     given, order = scenario.channel.quantisation, scenario.vehicle.order
     if not scenario.channel.rounded:
         return None
@@ -289,7 +289,7 @@ def steps_of(scenario: Scenario, draw: Draw) -> Any:
 def delay_of(
     scenario: Scenario, draw: Draw, sources: np.ndarray
 ) -> late.SteadyDelay | late.DrawnDelay | None:
-    """The delay of words, None where they are not late. What is drawn is rounded to whole ticks."""
+    """The delay of messages, None if there is none. What is drawn is rounded to whole ticks."""
     delay, tick = scenario.channel.delay, scenario.tick
     if not scenario.channel.late:
         return None

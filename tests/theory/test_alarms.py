@@ -83,8 +83,8 @@ def test_without_premises_nothing_is_told(keys):
 
 def test_of_a_detector_without_a_rule_nothing_is_told():
     class Never(Detector):
-        def alarms(self, words, memory):
-            return words.judged & False, memory
+        def alarms(self, messages, memory):
+            return messages.judged & False, memory
 
     assert told("runs", detector=Never()) is None
     assert told("unseen lie", detector=Never()) is None

@@ -17,7 +17,7 @@ from jaxnet.engine.stages.channel import Arrivals
 from jaxnet.engine.stages.late import OnTime
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.stages.sensing import Sensed
-from jaxnet.kinds.detectors import JudgedWords
+from jaxnet.kinds.detectors import JudgedMessages
 from jaxnet.kinds.observers import Compared, HeardMessages
 from jaxnet.kinds.shapes import Memory
 from jaxnet.kinds.ticks import TICK_ROUNDING
@@ -104,9 +104,9 @@ class Detection(Alarms):
         if lane.misuses:  # liars monitor nobody
             known = compared.known & ~misusing(lane.vectors)[None]
             compared = compared._replace(known=known)
-        words = judged_messages(lane, heard, compared)
-        alarms, memory = detector.alarms(words, self.memory)
-        judged, attacked = words.judged, late.attacked(now)
+        messages = judged_messages(lane, heard, compared)
+        alarms, memory = detector.alarms(messages, self.memory)
+        judged, attacked = messages.judged, late.attacked(now)
         each = jnp.stack([attacked & judged, ~attacked & judged])
         raised, each = xla.stored((alarms & judged, each))
         with_alarm = each & raised[None]
@@ -188,8 +188,8 @@ def first_memories(lane: Lane, heard: HeardMessages) -> tuple[Memory, Memory]:
     nothing = {key: jnp.zeros_like(getattr(heard, key)) for key in ("received", "errors", "own")}
     silent = heard._replace(arrived=lane.weights > 0, **nothing)
     observed = observer.start(silent)
-    words = judged_messages(lane, silent, observer.compared(silent, observed))
-    return lane.detector.start(words), observed
+    messages = judged_messages(lane, silent, observer.compared(silent, observed))
+    return lane.detector.start(messages), observed
 
 
 def silence(lane: Lane, hearing: Hearing) -> HeardMessages:
@@ -236,12 +236,14 @@ def heard_at(
     )
 
 
-def judged_messages(lane: Lane, heard: HeardMessages, compared: Compared) -> JudgedWords:
+def judged_messages(lane: Lane, heard: HeardMessages, compared: Compared) -> JudgedMessages:
     """Messages with their residuals whitened."""
     residuals, orders = whitening.whitened(compared.residuals, compared.variances)
     judged = compared.known & ((orders > 0) | (not lane.detector.whitens))
     apart = compared.residuals[0]
-    return JudgedWords(heard.time, heard.sources, residuals, orders, judged, heard.interval, apart)
+    return JudgedMessages(
+        heard.time, heard.sources, residuals, orders, judged, heard.interval, apart
+    )
 
 
 def error_variances(lane: Lane, hearing: Hearing) -> Float[Array, "orders slots m lanes"]:

@@ -13,7 +13,7 @@ from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotSources, SlotVectors
 
 
-class JudgedWords(NamedTuple):
+class JudgedMessages(NamedTuple):
     """The messages that arrive at a tick against their predictions, by slot.
 
     `residuals` are received minus predicted jets, position first, whitened by their covariance: of
@@ -90,6 +90,22 @@ class Detector(AnyDetector):
     """A test of messages. A subclass gives `alarms`, and `start` if it has a memory.
 
     On a link that an alarm cuts, a memory starts anew: its leaves of shape (…, slots, m, lanes).
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.detectors import Detector
+    >>> class Far(Detector):
+    ...     '''An alarm about every message that is over 5 m from where its source is.'''
+    ...
+    ...     whitens = False
+    ...
+    ...     def alarms(self, messages, memory):
+    ...         return (messages.apart**2).sum(axis=0) > 25.0, memory
+    >>> attack = {"kind": "rotating", "magnitude": 10.0}
+    >>> keys = {"engine": "exact", "attack": attack, "metrics": ["alarms"], "detector": Far()}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["alarms"].to_list()
+    [1.0, 1.0]
     """
 
     present: ClassVar[bool] = True
@@ -107,16 +123,16 @@ class Detector(AnyDetector):
         None, "[s], after which a cut link returns; null: it never does"
     )
 
-    def start(self, words: JudgedWords) -> Memory:
+    def start(self, messages: JudgedMessages) -> Memory:
         """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
         return None
 
-    def alarms(self, words: JudgedWords, memory: Any) -> tuple[SlotMask, Memory]:
+    def alarms(self, messages: JudgedMessages, memory: Any) -> tuple[SlotMask, Memory]:
         """The messages that raise an alarm at a tick.
 
         Parameters
         ----------
-        words
+        messages
             The messages that arrive. Without attack their residuals are standard normal if the
             errors are normal.
         memory
@@ -127,7 +143,7 @@ class Detector(AnyDetector):
             Whether a message raises an alarm, (slots, m, lanes), and the memory. Messages that are
             not judged do not count.
         """
-        raise KindError(f"{self.kind}: a detector gives alarms(self, words, memory)")
+        raise KindError(f"{self.kind}: a detector gives alarms(self, messages, memory)")
 
     def faults(self, scenario):
         """Faults of errors that nobody knows, of no ticks, and of alarms that cut."""

@@ -34,24 +34,24 @@ class ChiSquared(Detector):
         limit = stats.chi2.isf(self.false_alarms, 2 * orders * self.window)
         return AlarmRule(float(limit), window=self.window)
 
-    def start(self, words):
+    def start(self, messages):
         """The limits; in a window also squared residuals of the last messages, and their number."""
-        found = limits(self.false_alarms, self.window * len(words.residuals))
+        found = limits(self.false_alarms, self.window * len(messages.residuals))
         if self.window == 1:
             return found
-        squares = jnp.zeros((self.window, *words.judged.shape))
-        return found, squares, jnp.zeros(words.judged.shape, int)
+        squares = jnp.zeros((self.window, *messages.judged.shape))
+        return found, squares, jnp.zeros(messages.judged.shape, int)
 
-    def alarms(self, words, memory):
+    def alarms(self, messages, memory):
         """Where the p-value is below `false_alarms`, with 2n degrees for n orders of a message."""
-        squared, counted = squared_lengths(words.residuals), words.orders
+        squared, counted = squared_lengths(messages.residuals), messages.orders
         if self.window == 1:
             return squared > limit_of(memory, counted), memory
         found, squares, number = memory
         latest = jnp.concatenate([squares[1:], squared[None]])
-        squares = jnp.where(words.judged[None], latest, squares)
-        number = jnp.minimum(number + words.judged.astype(int), self.window)
-        alarms = squares.sum(axis=0) > limit_of(found, number * words.orders)
+        squares = jnp.where(messages.judged[None], latest, squares)
+        number = jnp.minimum(number + messages.judged.astype(int), self.window)
+        alarms = squares.sum(axis=0) > limit_of(found, number * messages.orders)
         return alarms, (found, squares, number)
 
 

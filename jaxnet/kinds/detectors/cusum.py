@@ -30,19 +30,19 @@ class Cusum(Detector):
             return None
         return AlarmRule(self.threshold, drift=self.drift, squared=self.direction is None)
 
-    def start(self, words):
-        return jnp.zeros(words.judged.shape)
+    def start(self, messages):
+        return jnp.zeros(messages.judged.shape)
 
-    def alarms(self, words, memory):
+    def alarms(self, messages, memory):
         if self.direction is None:
-            z = squared_lengths(words.residuals)
+            z = squared_lengths(messages.residuals)
         else:
             along = (self.direction / length(self.direction)[None])[:, None, None]
-            z = (along * words.residuals[0]).sum(axis=0)
+            z = (along * messages.residuals[0]).sum(axis=0)
         total = jnp.maximum(0.0, memory + z - self.drift[None, None])
-        total = jnp.where(words.judged, total, memory)
+        total = jnp.where(messages.judged, total, memory)
         passed = total > self.threshold[None, None]
-        return passed & words.judged, jnp.where(passed, 0.0, total)
+        return passed & messages.judged, jnp.where(passed, 0.0, total)
 
     def faults(self, scenario):
         yield from super().faults(scenario)

@@ -18,5 +18,5 @@ class Distance(Detector):
         ends = " to ".join(f"{end:g}" for end in dict.fromkeys(value_range(self.threshold)))
         return f"an alarm is raised by a position over {ends} m from the expected one"
 
-    def alarms(self, words, memory):
-        return length(words.apart) > self.threshold[None, None], memory
+    def alarms(self, messages, memory):
+        return length(messages.apart) > self.threshold[None, None], memory

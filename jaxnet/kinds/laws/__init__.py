@@ -23,6 +23,19 @@ class Law(Kind):
     """A way to solve `L q = b`, which couples all vehicles.
 
     A subclass holds q from tick to tick; it gives `exchange`.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.laws import Law
+    >>> class Halfway(Law):
+    ...     '''Halfway from what a vehicle held to what a round makes of it.'''
+    ...
+    ...     def exchange(self, last, demand, heard):
+    ...         return (last + heard(last) + demand) / 2
+    >>> keys = {"engine": "exact", "tick": 0.02, "attack": "none", "law": Halfway()}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["status"].to_list()
+    ['ok', 'ok']
     """
 
     claims: ClassVar[frozenset[str]] = frozenset({"left", "iterates", "gives_demand"})

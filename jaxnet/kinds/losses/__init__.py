@@ -24,6 +24,20 @@ class Loss(DrawsAtTicks):
 
     A message that is lost at a tick is missing until the next tick. Its listener drops the source,
     and divides the other weights by their sum. A vehicle that hears nobody keeps its last drive.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.losses import Loss
+    >>> class Jammed(Loss):
+    ...     '''No message arrives from the first second on.'''
+    ...
+    ...     def lost(self, messages, memory):
+    ...         late = messages.time >= 1.0
+    ...         return (messages.distance >= 0) & late[None, None], memory
+    >>> keys = {"engine": "exact", "horizon": 2.0, "tail": 0.5, "channel": {"loss": Jammed()}}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["status"].to_list()
+    ['ok', 'ok']
     """
 
     claims: ClassVar[frozenset[str]] = frozenset({"perfect", "of_whole_ticks", "lost_apart"})

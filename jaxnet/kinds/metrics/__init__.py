@@ -43,6 +43,20 @@ class MetricKeys(Record):
     """The `of` of a metric with keys: its fields are the keys, each with a default.
 
     A subclass gives `__call__`.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp, jaxnet
+    >>> from jaxnet.kinds.metrics import Metric, MetricKeys
+    >>> class Faster(MetricKeys):
+    ...     over: float = 1.0
+    ...
+    ...     def __call__(self, seen):
+    ...         return jnp.where(seen.speed > self.over, 1.0, 0.0)
+    >>> faster = Metric("faster", "1", Faster(), time="mean", vehicles="mean")
+    >>> keys = {"engine": "exact", "metrics": [faster, faster.with_keys(over=1e9, name="light")]}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["light"].to_list()
+    [0.0, 0.0]
     """
 
     def __call__(self, seen: FleetView) -> VehicleNumbers:

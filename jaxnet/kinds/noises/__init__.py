@@ -12,6 +12,20 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
 
     A listener hears `y_j + a_ij + n_ij`. An error is drawn at a tick and stays the same until the
     next tick.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp, jaxnet
+    >>> from jaxnet.kinds.noises import ChannelNoise
+    >>> class East(ChannelNoise):
+    ...     '''Every message is 1 m off to the east.'''
+    ...
+    ...     def next_errors(self, last, time, interval, sources):
+    ...         return jnp.zeros_like(last[0]).at[0].set(1.0), *last[1:]
+    >>> keys = {"engine": "exact", "attack": "none", "topology": "star", "defence": "none"}
+    >>> results = jaxnet.simulate({**keys, "channel": {"noise": East()}}, 2, progress=False)
+    >>> results.lanes["tail_mean"].round(2).to_list()
+    [1.0, 1.0]
     """
 
     claims: ClassVar[frozenset[str]] = ErrorsAtTicks.claims  # `exact` is said by `erring` itself
@@ -49,5 +63,5 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
 
     def faults(self, scenario):
         if not self.exact() and scenario.tick == 0:
-            message = "errors of words are drawn at ticks: give a tick"
+            message = "errors of messages are drawn at ticks: give a tick"
             yield Fault(("channel.noise", "tick"), message)

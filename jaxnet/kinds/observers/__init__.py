@@ -83,6 +83,22 @@ class Observer(Kind):
     memory.
 
     On a link that an alarm cuts, a memory starts anew: its leaves of shape (…, slots, m, lanes).
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.observers import Compared, Observer
+    >>> class Near(Observer):
+    ...     '''Expects a source where its listener is; nobody knows how far off that is.'''
+    ...
+    ...     tells_covariance = False
+    ...
+    ...     def compared(self, heard, memory):
+    ...         return Compared(heard.received - heard.own[:, :, None], None, heard.arrived)
+    >>> detector = {"kind": "distance", "threshold": 1000.0, "predicts": Near()}
+    >>> keys = {"engine": "exact", "metrics": ["false_alarms"], "detector": detector}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["false_alarms"].to_list()
+    [0.0, 0.0]
     """
 
     exact: ClassVar[bool] = False  # whether it expects the truth

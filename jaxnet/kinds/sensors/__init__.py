@@ -11,6 +11,21 @@ class Sensor(ErrorsAtTicks):
     A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls
     itself by what it senses, and tells its listeners what it senses. Nobody senses the navigator's
     path with errors.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp, jaxnet
+    >>> from jaxnet.kinds.sensors import Sensor
+    >>> class Shifted(Sensor):
+    ...     '''Each vehicle believes to be 3 m farther east and 4 m farther north than it is.'''
+    ...
+    ...     def errors(self, time, vehicles):
+    ...         none = jnp.zeros((2, vehicles, len(time)))
+    ...         return none.at[0].set(3.0).at[1].set(4.0), none, none
+    >>> keys = {"engine": "exact", "attack": "none", "topology": "star", "sensing": Shifted()}
+    >>> results = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> results.lanes["tail_mean"].round(2).to_list()
+    [5.0, 5.0]
     """
 
     def errors(self, time: LaneTimes, vehicles: int) -> VehicleJets:

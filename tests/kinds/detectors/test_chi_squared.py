@@ -1,4 +1,4 @@
-"""Alarms about words: their law, whom they count, covert attacks, engines."""
+"""Alarms about messages: their law, whom they count, covert attacks, engines."""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxnet.kinds.detectors import Detector, JudgedWords
+from jaxnet.kinds.detectors import Detector, JudgedMessages
 from jaxnet.kinds.detectors.chi_squared import ChiSquared, limits
 from tests import systems
 
@@ -25,16 +25,16 @@ SILENT = {"attack": "none"}
 
 
 class Always(Detector):
-    def alarms(self, words, memory):
-        return words.judged, memory
+    def alarms(self, messages, memory):
+        return messages.judged, memory
 
 
 class Parity(Detector):
     """An alarm where a residual has an odd number of 1 bits: another bit changes the alarm."""
 
-    def alarms(self, words, memory):
-        bits = jax.lax.bitcast_convert_type(words.residuals, jnp.uint64)
-        return (jax.lax.population_count(bits).sum(axis=(0, 1)) % 2 == 1) & words.judged, memory
+    def alarms(self, messages, memory):
+        bits = jax.lax.bitcast_convert_type(messages.residuals, jnp.uint64)
+        return (jax.lax.population_count(bits).sum(axis=(0, 1)) % 2 == 1) & messages.judged, memory
 
 
 def shares(lanes=8, /, **keys):
@@ -93,12 +93,12 @@ def test_p_values_are_those_of_chi_squared():
         residuals[: vehicle + 1, :, 0, vehicle, 0] = size[vehicle]
     known = np.array([stats.chi2.sf(2 * (v + 1) * size[v] ** 2, 2 * (v + 1)) for v in range(4)])
     given = orders[..., 0], jnp.asarray(residuals), orders, judged
-    words = JudgedWords(np.zeros(1), *given, np.ones(1), residuals[0])
+    messages = JudgedMessages(np.zeros(1), *given, np.ones(1), residuals[0])
     for factor, expected in ((1.000001, True), (0.999999, False)):
         for vehicle in range(4):
             share = jnp.asarray(known[vehicle : vehicle + 1] * factor)
             rule = ChiSquared.filled({"false_alarms": share, "window": 1})
-            assert bool(rule.alarms(words, rule.start(words))[0][0, vehicle, 0]) is expected
+            assert bool(rule.alarms(messages, rule.start(messages))[0][0, vehicle, 0]) is expected
 
 
 @pytest.mark.parametrize("most", [1, 3, 150])

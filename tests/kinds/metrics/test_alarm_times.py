@@ -17,12 +17,12 @@ class Planned(Detector):
     whitens = False
     plan: list[list[float]]
 
-    def alarms(self, words, memory):
-        listeners = np.arange(1, 1 + words.sources.shape[1])[None]
-        found = words.judged & False
+    def alarms(self, messages, memory):
+        listeners = np.arange(1, 1 + messages.sources.shape[1])[None]
+        found = messages.judged & False
         for listener, source, time in self.plan:
-            there = (listeners == int(listener)) & (words.sources == int(source))
-            late = words.time > time - 1e-9
+            there = (listeners == int(listener)) & (messages.sources == int(source))
+            late = messages.time > time - 1e-9
             found = found | (there[..., None] & late[None, None])
         return found, memory
 
