@@ -36,7 +36,7 @@ from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
-from jaxnet.view.page import elements, findings, proved, sections, trajectories, where
+from jaxnet.view.page import best, elements, findings, proved, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.judged import judged_lanes
 from jaxnet.view.page.plots import axis, plotted
@@ -499,6 +499,14 @@ def test_lanes_outside_the_assumptions_of_a_defence_are_told_apart(tmp_path):
     assert body.count(told_of) == 1
     assert body.count("outside the assumptions") == 1  # nothing is assumed without a defence
     assert "Outside the assumptions: lanes in which a vehicle hears more" in body
+
+
+def test_of_equal_combinations_those_with_the_fewest_lanes_are_told():
+    """By all cells of each: 3 lanes of a, 1 of b, 1 of c."""
+    fallen = [[True, True], [True, False], [False, False], [True, False], [False, True]]
+    lanes = {cell: pd.DataFrame({"fallen": each}) for cell, each in enumerate(fallen)}
+    combined = pd.Series(["a", "a", "b", "b", "c"])
+    assert best.fewest_fallen(combined, lanes) == (1, ["b", "c"])
 
 
 def test_the_best_combination_holds_against_every_other(tmp_path):

@@ -1,5 +1,6 @@
 """The best combination of swept kinds, in one sentence: what the page says first."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from functools import partial
 from html import escape
@@ -74,9 +75,25 @@ def best_sentence(results: Results, lanes: JudgedLanes) -> str:
     among = ", where errors have settled" * bool(falling)
     told = f"{of}{among}{equal}: {where}"
     numbers = numbers_words(results, [*left.index], lanes)
+    least, fewest = fewest_fallen(left, lanes)
+    if len(fewest) < len(best) and has_verdict(results):
+        where = escape(str(names(every[every.isin(fewest)].index)))
+        numbers += f". The fewest such lanes, <b>{least:,}</b> in all, are with {where}"
     if others := len(close) and has_verdict(results) and names(close):
         numbers += f". Numbers of lanes do not tell {escape(others)} from it, only lengths do"
     return f"<b>Best {escape(told)}</b>. {numbers}.{dropping_words(results, [*left.index])}"
+
+
+def fewest_fallen(combined: Any, lanes: JudgedLanes) -> tuple[int, list[str]]:
+    """The least number of lanes of a combination that do not hold, and which combinations have it.
+
+    `combined` has the combination of each cell.
+    """
+    lost = Counter[str]()
+    for cell, name in combined.items():
+        lost[name] += int(lanes[cell]["fallen"].sum())
+    least = min(lost.values())
+    return least, [name for name, number in lost.items() if number == least]
 
 
 def combination_names(
