@@ -262,7 +262,7 @@ def test_the_install_page_names_python_versions_and_extras():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     text = (DOCS / "install.md").read_text()
     extras = text.partition("## Extras")[2].partition("\n## ")[0]
-    assert set(re.findall(r"^\| `(\w+)` \|", extras, re.M)) == set(project["optional-dependencies"])
+    assert set(re.findall(r"^- `(\w+)`:", extras, re.M)) == set(project["optional-dependencies"])
     versions = re.findall(r"Python :: (3\.\d+)", "".join(project["classifiers"]))
     assert f"needs Python {', '.join(versions[:-1])} or {versions[-1]}." in text
     assert f"distribution is `{project['name']}`" in text

@@ -100,7 +100,7 @@ class Channel(Record):
         default="drop",
         title="in place of lost messages",
         description="what replaces a lost message: drop, nothing, and the other weights grow; "
-        "hold, the last drive; extrapolate, the last motion, continued",
+        "hold, the last message; extrapolate, its motion, continued",
     )
     noise: Annotated[ChannelNoise, KindOf("noise", "gaussian")] = Field(
         default=GaussianNoise(),
