@@ -174,14 +174,14 @@ def unended_words(results: Results, cells: Sequence[Cell]) -> str:
     lost = [cell for cell in cells if ended[cell.number] == 0]
     few = [cell for cell in cells if cell.number in failed and cell not in lost]
     some = [cell for cell in cells if cell.number in kinds and cell.number not in failed]
-    missed, lanes = table.loc[[cell.number for cell in some], ["failed", "lanes"]].sum().astype(int)
+    there = table.loc[[cell.number for cell in some], ["failed", "ok"]].to_numpy(int)
 
     def told(words: str, those: Sequence[Cell]) -> str:
         why = sum((kinds.get(cell.number, Counter()) for cell in those), Counter[str]())
         return f"{words}: {values_told(those, cells)} ({counted(why)})"
 
     parts = {"no lane ended": lost, "most lanes failed": few}
-    parts[f"{missed:,} of {lanes:,} lanes failed"] = some
+    parts[f"{there[:, 0].sum():,} of {there.sum():,} lanes failed"] = some
     return "; ".join(told(words, those) for words, those in parts.items() if those)
 
 

@@ -194,7 +194,7 @@ def summary_columns(
     """
     table, every = results.cells, results.study.cells
     cells, keys = select_cells(every, where or {}), list(every[0].labels)
-    shares = {SHARE_FAILED: share_failed(table)}
+    shares = {SHARE_FAILED: share_failed(table)} if "lanes" in table else {}
     shares |= {SHARE_LOST: share_lost(results)} if "unrecovered" in table else {}
     for name, share in shares.items():
         table = table.join(share.set_axis(share_names(name), axis="columns"))
