@@ -27,17 +27,18 @@ from jaxnet.config.scenario import (
     sources_of,
     too_many_sets,
 )
+from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
-from jaxnet.model.wording import Named, cells_named
+from jaxnet.model.wording import Named, cells_named, ranges
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, solution
 from jaxnet.theory.bounds import Bound
-from jaxnet.theory.spread import scenario_gain
+from jaxnet.theory.spread import bounded_vehicles, scenario_gain
 
 LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
 # in memory at a time, over vehicles, times and lanes; a few arrays of this size exist
@@ -78,13 +79,24 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
 
 
 def unchecked(cells: Sequence[Cell]) -> dict[str, list[int]]:
-    """Numbers of attacked cells that `violations_table` leaves out, by reason."""
+    """Numbers of attacked cells without a bound for every vehicle, by reason."""
     found: dict[str, list[int]] = {}
     for cell in cells:
-        scenario = cell.scenario
-        if scenario.attack.present and (why := broken_premise(scenario, BOUNDS)):
+        if cell.scenario.attack.present and (why := unbounded_words(cell.scenario)):
             found.setdefault(why, []).append(cell.number)
     return found
+
+
+def unbounded_words(scenario: Scenario) -> str:
+    """Why not every vehicle has a bound; "" if each has one."""
+    bounded = bounded_vehicles(scenario)
+    if bounded is None:
+        return broken_premise(scenario, BOUNDS)
+    if bounded.all():
+        return ""
+    who = ranges(vehicle_numbers(bounded))
+    only = f"only vehicle {who} has one" if who.isdigit() else f"only vehicles {who} have one"
+    return f"{only}, the others may be cut off" if who else "every vehicle may be cut off"
 
 
 def unchecked_words(cells: Sequence[Cell], named: Named = cells_named) -> str:

@@ -168,21 +168,21 @@ def values_told(some: Sequence[Cell], cells: Sequence[Cell]) -> str:
 
 
 def unended_words(results: Results, cells: Sequence[Cell]) -> str:
-    """Which of these cells have no lane that ended, so no point in a figure, or few, and why."""
-    ended, kinds, failed = (
-        results.cells["ok"].to_numpy(),
-        failed_kinds(results),
-        mostly_failed(results),
-    )
+    """Which of these cells have failed lanes, all, most or some, which no figure shows, and why."""
+    table, kinds, failed = results.cells, failed_kinds(results), mostly_failed(results)
+    ended = table["ok"].to_numpy()
     lost = [cell for cell in cells if ended[cell.number] == 0]
     few = [cell for cell in cells if cell.number in failed and cell not in lost]
+    some = [cell for cell in cells if cell.number in kinds and cell.number not in failed]
+    there = table.loc[[cell.number for cell in some], ["failed", "ok"]].to_numpy(int)
 
-    def told(words: str, some: Sequence[Cell]) -> str:
-        why = sum((kinds.get(cell.number, Counter()) for cell in some), Counter[str]())
-        return f"{words}: {values_told(some, cells)} ({counted(why)})"
+    def told(words: str, those: Sequence[Cell]) -> str:
+        why = sum((kinds.get(cell.number, Counter()) for cell in those), Counter[str]())
+        return f"{words}: {values_told(those, cells)} ({counted(why)})"
 
     parts = {"no lane ended": lost, "most lanes failed": few}
-    return "; ".join(told(words, some) for words, some in parts.items() if some)
+    parts[f"{there[:, 0].sum():,} of {there.sum():,} lanes failed"] = some
+    return "; ".join(told(words, those) for words, those in parts.items() if those)
 
 
 def share_failed(table: pd.DataFrame) -> pd.DataFrame:

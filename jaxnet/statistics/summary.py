@@ -17,7 +17,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
 from jaxnet.kinds.metrics import CONTRACT, LANE_STATISTICS, Metric
 from jaxnet.statistics.amplitude import amplitude_note, attack_size
-from jaxnet.statistics.falling import still_falls
+from jaxnet.statistics.falling import still_falls, unseen_period
 from jaxnet.statistics.intervals import (
     CONFIDENCE,
     UNKNOWN,
@@ -154,7 +154,8 @@ def summarise(
             row |= dict(zip(share_names(name), share_estimate(counted, sure), strict=True))
         least = np.fmax(threshold(cell, study.recovery), cell.scenario.engine.accuracy)
         falls = ok["tail_fall"].to_numpy(), ok[cell.scenario.judged].to_numpy()
-        table.append(row | {"falling": still_falls(*falls, least)})
+        swings = unseen_period(cell.scenario) > 0
+        table.append(row | {"falling": still_falls(*falls, least, swings)})
     return pd.DataFrame(table)
 
 

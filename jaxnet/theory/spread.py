@@ -147,6 +147,16 @@ def worst_kept_weights(
 
 
 @for_any_signal
+def bounded_vehicles(scenario: Scenario) -> Bool[np.ndarray, " m"] | None:
+    """Vehicles whose `scenario_gain` is finite; None without the premises of BOUNDS."""
+    if missing(scenario, BOUNDS):
+        return None
+    retained = situation_of(scenario).retained
+    assert retained is not None
+    return ~disconnected_vehicles(retained)
+
+
+@for_any_signal
 def scenario_gain(scenario: Scenario) -> AttackGain | None:
     """Gains γ of a scenario's network, by which bounds multiply ā.
 

@@ -194,6 +194,10 @@ def summary_columns(
     """
     table, every = results.cells, results.study.cells
     cells, keys = select_cells(every, where or {}), list(every[0].labels)
+    shares = {SHARE_FAILED: share_failed(table)} if "lanes" in table else {}
+    shares |= {SHARE_LOST: share_lost(results)} if "unrecovered" in table else {}
+    for name, share in shares.items():
+        table = table.join(share.set_axis(share_names(name), axis="columns"))
     if sort:
         name = known_column(sort.removeprefix("-"), table, keys)
         values = [cell.labels[name] if name in keys else table[name][cell.number] for cell in cells]
@@ -204,7 +208,6 @@ def summary_columns(
     found += [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
     wanted = [known_column(name, table, keys) for name in names]
     if not names:
-        table = table.join(share_lost(results).set_axis(share_names(SHARE_LOST), axis="columns"))
         wanted = default_columns(results.study.config, table.iloc[numbers], every)
         if reduced := reduced_amplitudes(cells):
             # by which attacks shift positions, below ā where they are fast
@@ -285,7 +288,7 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     lost = fell and study.recovery is not None and any(attack_size(cell) > 0 for cell in cells)
     head = [SHARE_LOST] if lost else [*fell, first]
     names = dict.fromkeys([*head, *hull, *before, *own, *after, *fell, "ok", "failed"])
-    return [name for name in names if name in table or name == SHARE_FAILED]
+    return [name for name in names if name in table]
 
 
 def key_column(key: str, labels: Sequence[Any]) -> Column:
@@ -298,19 +301,15 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     """A column of `cells.csv` with its interval, if it has one; `rows` have the `size` too."""
     if name in COUNTS:
         return plain_column(name, rows[name].tolist(), COUNTS[name])
-    if name in (SHARE_FAILED, SHARE_LOST):
-        title = f"failed{f' or {share_name(cells)}' * (name == SHARE_LOST)} [%]"
-        ends = f"{name}_low", f"{name}_high"
-        latex = title.translate(LATEX_ESCAPES)
-        lost = stored_values(rows, share_names(name))
-        return Column(name, title, latex, lost if name in rows else share_failed(rows), ends, 100.0)
     stem = name.removesuffix("_low").removesuffix("_high")
     names, entries = [name], stored_values(rows, [name])
-    shares, endless = lane_shares(study), "inf"
+    ended = " of lanes that ended" * bool(rows["failed"].any())
+    shares = {key: share.words(cells) + ended for key, share in lane_shares(study).items()}
+    shares |= {SHARE_FAILED: "failed", SHARE_LOST: f"failed or {share_name(cells)}"}
+    endless = "inf"
     if stem in shares:
         end = name.removeprefix(stem).lstrip("_")
-        ended = " of lanes that ended" * bool(rows["failed"].any())
-        title = symbol = ", ".join(filter(None, [shares[stem].words(cells) + ended, end]))
+        title = symbol = ", ".join(filter(None, [shares[stem], end]))
         of, scale, names = "%", 100.0, [name] if end else share_names(name)
     else:
         metric, statistic = metric_and_statistic(study, stem)

@@ -9,7 +9,7 @@ import yaml
 
 import jaxnet
 from jaxnet.statistics import fits
-from jaxnet.statistics.falling import falling_words, still_falls
+from jaxnet.statistics.falling import falling_words, longer_tail, still_falls, unseen_period
 from jaxnet.view.text.slopes import fit_text
 from jaxnet.view.text.tables import summary_text
 from tests import systems
@@ -122,6 +122,27 @@ def test_what_grows_or_falls_by_little_is_not_marked(lanes):
     assert mark(1.0 + np.exp(-0.5 * TIME)[None].repeat(lanes, 0)) == 0
 
 
+@pytest.mark.parametrize(
+    ("attack", "tail", "period"),
+    [
+        ({"kind": "own_path", "frequency": 0.4}, 5.0, 5 * np.pi),
+        ({"kind": "own_path", "frequency": 0.4}, 16.0, 0.0),  # the tail holds it
+        ({"kind": "own_path", "frequency": {"uniform": [0.4, 0.8]}}, 5.0, 5 * np.pi),
+        ({"kind": "own_path", "frequency": -0.4}, 5.0, 5 * np.pi),
+        ({"kind": "own_path", "frequency": 0.0}, 5.0, 0.0),
+        ({"kind": "sinusoid", "frequency": 0.4}, 5.0, 0.0),  # each lane has a phase
+        ({"kind": "sinusoid", "frequency": 0.4, "phase": 1.0}, 5.0, 5 * np.pi),
+        ({"kind": "sinusoid", "frequency": 0.4, "phase": [0.0, 1.0]}, 5.0, 5 * np.pi),
+        ({"kind": "sinusoid", "frequency": [0.4, 0.2], "phase": 1.0}, 5.0, 10 * np.pi),
+        ({"kind": "chirp", "phase": 0.0}, 5.0, 0.0),
+        ({"kind": "bias"}, 5.0, 0.0),
+    ],
+)
+def test_a_period_is_beyond_the_tail_if_lanes_share_the_phase(attack, tail, period):
+    study = jaxnet.load({"name": "s", "tail": tail, "attack": {"vehicles": [2, 7], **attack}})
+    assert unseen_period(study.cells[0].scenario) == pytest.approx(period)
+
+
 # --- results -------------------------------------------------------------------------------------
 
 SHORT = {"name": "short", "horizon": 15.0, "engine": "exact", "defence": "trusted_only"}
@@ -165,6 +186,34 @@ def test_a_share_that_falls_as_the_attack_grows_is_told_wherever_results_are(
     short.fit()
     assert told in one_line(fit_text(short))
     assert told[1:] in short.report(replay=False).read_text()
+
+
+SWINGS = {"name": "agree", "vehicles": 9, "vehicle": "single_integrator", "navigator": "none"}
+SWINGS |= {"law": "local", "engine": "exact", "horizon": 60.0, "tail": 5.0, "output_step": 0.5}
+SWINGS |= {"topology": {"kind": "random_regular", "degree": 6}, "defence": "none"}
+SWINGS |= {"attack": {"kind": "own_path", "vehicles": [4], "swing": [3.0, 1.0], "frequency": 0.4}}
+SWINGS["attack"] |= {"magnitude": 3.0, "moves": "as_told"}
+SWINGS |= {"initial": {"position": {"uniform": [-5.0, 5.0]}}, "recovery": {"tau": 0.02}}
+
+
+def test_a_swing_with_one_phase_is_not_told_to_fall():
+    """Spreads of all lanes swing with the attack; a tail of a period sees that they do not fall."""
+    short = jaxnet.simulate(SWINGS, 40, progress=False)
+    told = one_line(falling_words(short, short.study.cells))
+    assert np.isnan(short.cells["falling"]).all()
+    assert told == (
+        "in all cells: the tail (5 s) is shorter than the period of the attack (15.7 s), so spreads"
+        " may fall or swing. Try tail: 20"
+    )
+    long = jaxnet.simulate(SWINGS | {"tail": 20.0}, 40, progress=False)
+    assert (long.cells["falling"] == 0).all()
+    assert falling_words(long, long.study.cells) == ""
+
+
+def test_a_tail_that_the_run_cannot_hold_needs_a_longer_run():
+    slow = SWINGS["attack"] | {"frequency": 0.1}
+    (cell,) = jaxnet.load(SWINGS | {"attack": slow}).cells
+    assert longer_tail(unseen_period(cell.scenario), [cell]) == "tail: 70, horizon: 210"
 
 
 def test_a_run_that_is_long_enough_is_not_marked():

@@ -9,9 +9,13 @@ from click.testing import CliRunner
 from jaxnet.cli import main
 from jaxnet.config.naming import boxes_of
 from jaxnet.config.scenario import attacked_draws, safe_in, safe_in_all, situation_of
+from jaxnet.kinds.kind import vehicle_numbers
+from jaxnet.model.wording import ranges
+from jaxnet.statistics import limits
 from jaxnet.theory import noise, tolerance
 from jaxnet.theory.case import Case
 from jaxnet.theory.integer import RobustnessBracket
+from jaxnet.theory.spread import scenario_gain
 from jaxnet.view.text import check
 from jaxnet.view.text.facts import alone_words, facts
 from tests import systems
@@ -611,6 +615,27 @@ def test_a_verdict_stands_first():
     ]
     assert "A vehicle may be cut off, and its lane fails: 3 leaders, W-MSR." in told
     assert told[-2] == "Without attack starts die away before the tail begins."
+
+
+PARTED = {"kind": "small_world", "navigator": {"share": 0.4}, "navigator_weight": 0.2}
+
+
+def test_a_bound_is_told_of_cells_with_a_bound_for_every_vehicle():
+    """Also of a fleet that is safe; not where a vote may cut vehicles off, whatever the others."""
+    keys = {"vehicles": 10, "attack": {"vehicles": [3, 7]}, "name": "thirty"}
+    keys |= {"vehicle": "double_integrator", "gain": [1.0, 2.0]}
+    sweep = {"topology": ["cyclic", PARTED], "defence": ["none", "vote"]}
+    study = systems.study(**keys, sweep=sweep)
+    gains = [scenario_gain(cell.scenario) for cell in study.cells]
+    finite = [each is not None and bool(np.isfinite(each.gains).all()) for each in gains]
+    told = one_line("\n".join(verdict(**keys, sweep=sweep)))
+    assert finite == [True, True, True, False]
+    assert "Errors have a proved bound (`jaxnet fit`): all but small world, vote." in told
+    assert gains[3] is not None
+    whom = ranges(vehicle_numbers(np.isfinite(gains[3].gains)))
+    assert limits.unchecked_words(study.cells) == (
+        f"cell 3: only vehicles {whom} have one, the others may be cut off"
+    )
 
 
 def test_a_verdict_without_anything_to_warn_of_is_short():

@@ -2,10 +2,12 @@
 
 import itertools
 import re
+from collections import Counter
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from matplotlib.colors import to_rgba
@@ -15,6 +17,7 @@ from upath import UPath
 import jaxnet
 from jaxnet.api import writing
 from jaxnet.config.scenario import situation_of
+from jaxnet.statistics import quantities
 from jaxnet.statistics.bands import error_bands
 from jaxnet.statistics.groups import Group, scenes
 from jaxnet.statistics.quantities import quantity_of
@@ -167,6 +170,27 @@ def test_lanes_that_failed_are_seen(tmp_path):
     assert "x-thin-open" in page
     assert '"name":"no lane ended"' in page
     assert page.count('"none ended"') == 1
+
+
+def test_failed_lanes_of_drawn_cells_are_told(results, monkeypatch):
+    """How many of how many, and why; of panels that are drawn, not of others."""
+    cells = results.study.cells  # star and cyclic, without and with an attack
+    counts = {"ok": [5, 3, 1, 0], "failed": [0, 2, 4, 5], "lanes": 5}
+    made = Results(UPath("nowhere"))
+    vars(made).update(study=results.study, cells=pd.DataFrame(counts))
+    kinds = {cell: Counter(disconnected=many) for cell, many in enumerate(counts["failed"]) if many}
+    monkeypatch.setattr(quantities, "failed_kinds", lambda results: kinds)
+    assert plain(quantities.unended_words(made, cells)) == (
+        "no lane ended: cyclic, ā = 5 m (5 disconnected);"
+        " most lanes failed: cyclic, ā = 0 m (4 disconnected);"
+        " 2 of 5 lanes failed: star, ā = 5 m (2 disconnected)"
+    )
+    assert quantities.unended_words(made, cells[:1]) == ""
+    line = Trace("", Look(), np.ones(2), np.arange(2))
+    panels = [Panel({"tick": n}, [n], [line]) for n in range(100)]
+    figure = printed(Drawing(panels, Scale("x"), Scale("y")))
+    assert len(figure.cells) == len(figure.axes) < 100
+    assert {*results.plot.panels().cells} == {cell.number for cell in cells}
 
 
 def test_vehicles_drawn_for_each_lane_are_told_beside_the_graph():

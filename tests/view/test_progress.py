@@ -51,8 +51,8 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
     assert not capsys.readouterr().err
 
 
-def test_time_left_grows_while_nothing_ends(monkeypatch):
-    """240 of 1,440 lanes in ten seconds, then none; after the end of all no time is left."""
+def test_no_time_is_foretold_while_nothing_ends(monkeypatch):
+    """240 of 1,440 lanes in ten seconds in two chunks, then none: a dash after ten seconds more."""
     now = [100.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     speed, tally = progress.Speed(), tally_of(0, 1440)
@@ -64,12 +64,12 @@ def test_time_left_grows_while_nothing_ends(monkeypatch):
     now[0], tally.under_way = 110.0, 240
     speed.note(240)
     assert speed.told(tally) == "24 lanes/s  0 failed  0:00:50 left"
-    now[0] = 130.0
-    assert speed.told(tally) == "8 lanes/s  0 failed  0:02:30 left"
+    now[0] = 120.0
+    assert speed.told(tally) == "12 lanes/s  0 failed  0:01:40 left"
+    now[0] = 121.0
+    assert speed.told(tally) == "11.4 lanes/s  0 failed  - left"
     now[0] = 640.0
-    assert speed.told(tally) == (
-        "0.444 lanes/s  0 failed  0:45:00 left  nothing finished for 0:08:50"
-    )
+    assert speed.told(tally) == "0.444 lanes/s  0 failed  - left  nothing finished for 0:08:50"
     now[0], tally.under_way = 650.0, 1440
     speed.note(1440)
     assert speed.told(tally) == "writing results  0 failed"

@@ -169,6 +169,37 @@ def test_a_verdict_names_the_worst_cells():
     assert first == "In all 6 cells all lanes failed or ended unrecovered"
 
 
+def test_the_worst_vehicle_is_of_cells_of_which_most_lanes_ended():
+    results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
+    results.cells["tail_max_max"] = [0.0, 1.0, 2.0]
+    results.cells["ok"], results.cells["failed"] = [1, 3, 5], [4, 2, 0]
+    *_, told = tables.held_lines(results, results.study.cells)
+    assert one_line([told]).startswith("Worst vehicle: 1 m in cell 1 (ā = 2 m) to 2 m in cell 2")
+
+
+def test_shares_of_all_lanes_can_be_chosen():
+    """With the names of a CSV table: failed lanes, and those that failed or are unrecovered."""
+    results = results_of({"attack.magnitude": [1, 2]}, True, 2)
+    results.cells["unrecovered"] = [0.25, 1.0]
+    results.cells["ok"], results.cells["failed"], results.cells["lanes"] = [4, 5], [1, 0], 5
+    names = ["lost_share", "lost_share_high", "failed_share", "unrecovered"]
+    *_, lost, high, failed, ended = columns.summary_columns(results, names, sort="-lost_share")
+    assert lost.values == [1.0, 0.4]
+    assert failed.values == [0.0, 0.2]
+    assert ended.values == [1.0, 0.25]
+    assert high.values[1] == pytest.approx(binomtest(2, 5).proportion_ci(0.95).high)
+    assert lost.title == "failed or unrecovered [%]"
+    with pytest.raises(FolderError, match="no column lost_share"):
+        columns.summary_columns(results_of({}, False), ["lost_share"])
+
+
+def test_failed_lanes_are_counted_in_rows_that_are_not_printed_too():
+    results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
+    results.cells["failed"], results.cells["lanes"] = [0, 1, 2], [5, 6, 7]
+    text = one_line([tables.summary_text(results, ["tail_mean"], most=1)])
+    assert "3 of 18 lanes failed" in text
+
+
 def test_a_cell_without_attack_is_not_counted_among_those_that_hold():
     results = results_of({"attack.magnitude": [0, 1, 2]}, True, 3)
     results.cells["unrecovered"] = [math.nan, 0.0, 0.2]
@@ -468,12 +499,18 @@ def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(mo
     assert "alarms, mean" in " ".join(" ".join(lines).partition("left out: ")[2].split())
 
 
-@pytest.mark.parametrize(("most", "shown"), [(0.158, "[-]"), (0.139, "(alike)")])
-def test_a_slope_without_an_interval_says_why(most, shown, monkeypatch):
+@pytest.mark.parametrize(
+    ("most", "lanes", "shown"),
+    [(0.158, 20, "[-]"), (0.139, 20, "(alike)"), (0.139, 1, "[-]")],
+)
+def test_a_slope_without_an_interval_says_why(most, lanes, shown, monkeypatch):
+    """One lane is not alike others."""
     monkeypatch.setenv("COLUMNS", "120")
     sizes = {None: 0.139, 1.0: most}
     fits = {("tail_mean", each): (size, math.nan, math.nan) for each, size in sizes.items()}
-    text = one_line([slopes.errors_text([curve_of(2, fits)])])
+    curve = curve_of(2, fits)
+    curve.cells["ok"] = lanes
+    text = one_line([slopes.errors_text([curve])])
     assert f"0.139 ā {shown} 1 ā" in text
     assert ("[-]: too few independent lanes for an interval" in text) is (shown == "[-]")
     assert ("(alike): all lanes have the same error per ā" in text) is (shown == "(alike)")

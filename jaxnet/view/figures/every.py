@@ -200,7 +200,7 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             if (over_tail or of_errors) and draw.__name__ not in OVER_TIME:
                 notes += [told(self.results, cells, named) for told in (lost_words, falling_words)]
             if draw.__name__ in OF_ENDED_LANES:
-                notes.append(unended_words(self.results, cells))
+                notes.append(unended_words(self.results, [every[each] for each in made.cells]))
             formation = any(cell.scenario.formation.present for cell in cells)
             notes += [FORMATION_NOTE] * (of_errors and formation)
             multiples.write_note(made, multiples.escape_dollars("; ".join(filter(None, notes))))

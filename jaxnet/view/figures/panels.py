@@ -82,6 +82,7 @@ def panels_figure(
     places = evenly_over(labels, min(MOST_A_SIDE, max(1, fitting)))
     rows = [evenly(whole[place], MOST_A_SIDE) for place in places]
     drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + LEGEND_AND_NOTES))
+    drawn.cells = [cell.number for row in rows for cell in row]
     scenes, samples = stored_scenes(results, rows) if trajectories else ({}, {})
     box, shown = box_of([*scenes.values()]), dict[int, list[str]]()
     along, up = (last - first for first, last in box)

@@ -89,6 +89,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     labels = [panel.labels for panel in panels]
     titles, sizes = (drawing.x.title, drawing.y.title), (page.height, page.most, page.margin)
     drawn, axes = multiples.panel_grid(labels, *titles, width, *sizes)
+    drawn.cells = [*itertools.chain.from_iterable(panel.cells for panel in panels)]
     across = multiples.panel_columns(labels, page.most)
     room = (within - page.margin - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
     longest = DIGIT_OF_NAME * min(max(map(len, drawing.x.names), default=0), TILE_LETTERS)

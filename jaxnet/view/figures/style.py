@@ -2,6 +2,7 @@
 
 import io
 import re
+from collections.abc import Sequence
 from os import PathLike
 from typing import IO, Any
 
@@ -128,6 +129,7 @@ class Figure(figure.Figure):
 
     style: Style = PRINT_STYLE
     left_out = ""  # what is not drawn
+    cells: Sequence[int] = ()  # numbers of those that panels are about
     height = 0.0  # [in] that it would take, were its size not given
 
     def savefig(

@@ -19,6 +19,7 @@ from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.horizon import lost_cells
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
+from jaxnet.statistics.isolation import isolated_lanes
 from jaxnet.statistics.limits import at_once_words, unchecked_words
 from jaxnet.statistics.quantities import meaning, stored_values
 from jaxnet.statistics.recovery import (
@@ -62,10 +63,6 @@ MEDIAN_LANE = {  # by `judged_word`
 }
 
 AMONG = "groups of cells that differ in ā alone"
-ISOLATED = {  # by column of rows, where vehicles coast or may stop
-    "cut_off_vehicles": "a vehicle was cut off from all its sources",
-    "stopped": "a vehicle came to rest",
-}
 MOVED = 10  # times as far as without an attack
 
 
@@ -123,20 +120,11 @@ def failed_sentence(results: Results) -> str:
 
 def isolated_sentence(results: Results) -> str:
     """In how many lanes that ended vehicles were cut off, or came to rest, and where."""
-    known = rows.row_columns(results.study.config, results.study.cells).isolation
     told = []
-    for column, words in ISOLATED.items():
-        if column not in known:
-            continue
-        lanes: dict[int, Any] = {
-            cell: (each[column] > 0).to_numpy()
-            for cell, each in results.by_cell(column, where=rows.OK)
-        }
-        there = [cell for cell, each in lanes.items() if each.any()]
-        if there:
-            many, of = (sum(map(each, lanes.values())) for each in (np.sum, len))
-            where = where_words(results, there)
-            told.append(f"in <b>{many:,} of {of:,} lanes</b> that ended {words} {where}".rstrip())
+    for words, lanes in isolated_lanes(results).items():
+        many, of = map(sum, zip(*lanes.values(), strict=True))
+        where = where_words(results, [cell for cell, (some, _) in lanes.items() if some])
+        told.append(f"in <b>{many:,} of {of:,} lanes</b> that ended {words} {where}".rstrip())
     return f"{sentence_case('; '.join(told))}." * bool(told)
 
 

@@ -167,9 +167,11 @@ class Speed:
 
     def __init__(self):
         self.notes: list[tuple[float, int]] = []  # the first one, and the last one with an end
+        self.ends = 0  # notes with an end
 
     def note(self, done: int) -> None:
         if not self.notes or done != self.notes[-1][1]:
+            self.ends += bool(self.notes)
             self.notes[1:] = [(time.monotonic(), done)]
 
     @property
@@ -192,14 +194,18 @@ class Speed:
         return f"{number_text(self.rate)} lanes/s" if self.rate else "first lanes under way"
 
     def left(self, number: int) -> list[str]:
-        """The time that so many lanes or steps more take, and for how long none has ended."""
+        """The time that so many lanes or steps more take, and for how long none has ended.
+
+        The time is not foretold while none has ended for twice the mean time between ends.
+        """
         if not number or not (rate := self.rate):
             return []
         now = time.monotonic()
         passed, quiet = (now - when for when, _ in self.notes)
         ahead, still = (timedelta(seconds=round(each)) for each in (number / rate, quiet))
+        slow = quiet > 2 * (passed - quiet) / self.ends
         told = {
-            f"{ahead} left": passed > FORETOLD_AFTER,
+            f"{'-' if slow else ahead} left": passed > FORETOLD_AFTER,
             f"nothing finished for {still}": quiet > QUIET,
         }
         return [words for words, said in told.items() if said]

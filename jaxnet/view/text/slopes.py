@@ -13,6 +13,7 @@ from jaxnet.statistics.curves import BOUND_NAMES, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE
 from jaxnet.statistics.limits import at_once_words, unchecked, unchecked_words, unclipped_words
+from jaxnet.statistics.quantities import unended_words
 from jaxnet.statistics.recovery import lowered_words
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_columns, fitted_text
@@ -48,7 +49,9 @@ def fit_text(results: Results) -> str:
     parts = [errors_text(found, horizon.lost_cells(results, "tail_mean_median"))]
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
-    told = no_magnitudes(found), falling_words(results, cells), lowered_words(results, cells)
+    fitted = [cell for curve in found for cell in curve.group.cells]
+    told = no_magnitudes(found), unended_words(results, fitted), falling_words(results, cells)
+    told += (lowered_words(results, cells),)
     parts += map(filled, (at_once_words(cells), *told))
     return "\n\n".join(filter(None, parts))
 
@@ -80,8 +83,8 @@ def curve_texts(curve: Curve, lost: Sequence[int] = ()) -> dict[str, str]:
 
 
 def size_text(slope: float) -> str:
-    """A multiple of ā; a dash for not-a-number."""
-    return "-" if np.isnan(slope) else f"{number_text(without_rounding(slope, 1.0))} ā"
+    """A multiple of ā; a dash if it is not finite."""
+    return "-" if not np.isfinite(slope) else f"{number_text(without_rounding(slope, 1.0))} ā"
 
 
 def slope_texts(curve: Curve, lost: bool = False) -> tuple[str, str]:
@@ -102,7 +105,8 @@ def slope_texts(curve: Curve, lost: bool = False) -> tuple[str, str]:
     low, high = (number_text(without_rounding(each, 1.0)) for each in known[1:])
     ends = f"[{low}, {high}]"
     if np.isnan(known[1]):
-        alike = most and most[0] - known[0] <= intervals.ROUNDING_SPREAD * most[0]
+        several = curve.cells["ok"].to_numpy().max() > 1
+        alike = several and most and most[0] - known[0] <= intervals.ROUNDING_SPREAD * most[0]
         ends = ALIKE if alike else NO_INTERVAL
     return ONE_MAGNITUDE * bool(alone) + size_text(known[0]), ends
 

@@ -22,6 +22,7 @@ from jaxnet.statistics.curves import failed_kinds, mostly_failed
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.horizon import cuts_words, errors_words, lost_words
 from jaxnet.statistics.intervals import LEAST_LANES, below_greatest
+from jaxnet.statistics.isolation import isolated_lines
 from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition, share_failed
 from jaxnet.statistics.recovery import confidence_told
@@ -82,16 +83,20 @@ def summary_text(
     if most is not None and most < rows:
         hint = "`show --all` has all, `show --where KEY=VALUE` some"
         lines.append(f"… {rows - most} more rows: {hint}")
+    every = {each.name: each for each in varied}  # also the rows that are not printed
+    shown = [every[e.name] if "low" in e.entries else every[e.name].bare() for e in shown]
     if pivot:
         beside = any(any(each.intervals()) for each in shown)
         shown = asked if beside else [each.bare() for each in asked]
     cells = [results.study.cells[each] for each in sorted(asked[0].values)]
     lines += map(filled, filter(None, [constant]))
     verdict = [] if names or pivot else known_or([], lambda: held_lines(results, cells))
+    if not (names or pivot):
+        verdict += isolated_lines(results, cells, partial(numbered_words, cells=cells))
     notes = [*grave_warnings(results, cells), *other_warnings(results, cells)]
     notes += summary_notes(results, shown)
     below = [*map(filled, notes), *left_out_note(left_out, "cells.csv")]
-    return "\n\n".join(map("\n".join, filter(None, (lines, map(filled, verdict), below))))
+    return "\n\n".join(map("\n".join, filter(None, (lines, [*map(filled, verdict)], below))))
 
 
 def formatted(
@@ -181,7 +186,7 @@ def held_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
         name, words = "outside_max", "Farthest out of the hull of the starts"
     column = columns.summary_columns(results, [name])[-1]
     lengths: Any = pd.Series(column.numbers("value"), results.cells.index)
-    known = lengths[table.index].dropna()
+    known = lengths[table.index].drop(index=mostly_failed(results), errors="ignore").dropna()
     ends = [
         f"{column.text(end)} m in {named(known.index[known == end].tolist())}"
         for end in dict.fromkeys((known.min(), known.max()))

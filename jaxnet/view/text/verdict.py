@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.scenario import BOUNDS, missing
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.wording import cells_named, count, ranges
 from jaxnet.theory.case import Case
+from jaxnet.theory.spread import bounded_vehicles
 from jaxnet.view.text.facts import UNSTABLE, Facts, attacked_at_once, dropping_all
 from jaxnet.view.text.width import WIDEST, filled, swept_words
 
 NO_AGREEMENT = 1, "No agreement is proved"
 UNSAFE = 1, "No vehicle is proved safe from the attack"
 OF_BOUNDS, OF_LIARS, OF_REST = 2, 3, 8  # places in the verdict
+BOUNDED = OF_BOUNDS, "Errors have a proved bound (`jaxnet fit`)"
 UNBOUNDED = OF_BOUNDS, "Errors have no proved bound"
 NOTHING = (NO_AGREEMENT, UNSAFE, UNBOUNDED)  # goes without saying where others of the place are
 VERDICT_LINES = 9  # with the study's size
@@ -43,9 +44,10 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         who = "Every vehicle is" if safe.all() else f"Only vehicles {some} are"
         who = f"Only vehicle {some} is" if some.isdigit() else who
         yield (1, f"{who} proved safe from the attack") if safe.any() else UNSAFE
-        unknown = missing(scenario, BOUNDS) or np.isinf(found.get("inverse norm", 0.0))
-        if not safe.all():
-            yield UNBOUNDED if unknown else (OF_BOUNDS, "Errors have a proved bound (`jaxnet fit`)")
+        if (bounded := bounded_vehicles(scenario)) is not None and bounded.all():
+            yield BOUNDED
+        elif not safe.all():
+            yield UNBOUNDED
     if known and scenario.attack.present and defence.outnumbered(graph, attacked, trusted).any():
         hears = "hears" if scenario.attack.targets() else "may hear"
         yield OF_LIARS, f"A vehicle {hears} more attackers than its defence bears"
