@@ -217,6 +217,9 @@ def values_named(key: str, values: Sequence[object], joint: str) -> str:
     names = [value_name(key, each) for each in values]
     name, equals, value = names[-1].partition(f"={NO_BREAK}")
     if len(names) == 1 or not all(each.startswith(f"{name}=") for each in names):
+        parts = [each.partition(NO_BREAK) for each in names]
+        if len({rest for *_, rest in parts}) == 1:  # such as "1 attacked", "2 attacked"
+            names = [*(first for first, *_ in parts[:-1]), names[-1]]
         return f" {joint} ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
     alone = ", ".join(value_alone(key, each) for each in values[:-1])
     return f"{name}{equals}{alone} {joint} {value}"

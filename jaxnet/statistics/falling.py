@@ -87,7 +87,9 @@ def falling_words(results: Results, cells: Sequence[Cell], named: Named | None =
     }
     words = [f"{those_of(each, cells, named)}: {what}" for what, each in told.items() if each]
     longer = LONGER * max((cell.scenario.horizon for cell in found), default=0.0)
-    parts = [f"{'; '.join(words)}. Try a longer run: horizon: {longer:g}"] * bool(found)
+    late = any(c.scenario.channel.late and c.scenario.navigator.present for c in found)
+    also = ", or follow the speed of the navigator, as messages are late" * late
+    parts = [f"{'; '.join(words)}{also}. Try a longer run: horizon: {longer:g}"] * bool(found)
     swings = [cell for cell in cells if periods.get(cell.number)]
     if swings:
         period = max(periods.values())

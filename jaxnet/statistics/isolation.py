@@ -7,6 +7,7 @@ import numpy as np
 from jaxnet.config.cells import Cell
 from jaxnet.model.wording import Named, count
 from jaxnet.store import rows
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 ISOLATED = {  # by column of rows, where vehicles coast or may stop
@@ -16,14 +17,20 @@ ISOLATED = {  # by column of rows, where vehicles coast or may stop
 MOST_GROUPS_TOLD = 3  # numbers of lanes; of more the sum over cells is told
 
 
+def isolation_columns(results: Results) -> list[str]:
+    """The columns of ISOLATED that rows have; none where that takes the code of a kind."""
+    study = results.study
+    known = known_or([], lambda: [*rows.row_columns(study.config, study.cells).isolation])
+    return [column for column in ISOLATED if column in known]
+
+
 def isolated_lanes(results: Results) -> dict[str, dict[int, tuple[int, int]]]:
     """In how many lanes of each cell something happened to a vehicle, of how many that ended.
 
     The keys are its words; what happened in no lane has none.
     """
-    known = rows.row_columns(results.study.config, results.study.cells).isolation
     found = dict[str, dict[int, tuple[int, int]]]()
-    for column in [each for each in ISOLATED if each in known]:
+    for column in isolation_columns(results):
         lanes = {
             cell: (int(np.sum(each[column].to_numpy() > 0)), len(each))
             for cell, each in results.by_cell(column, where=rows.OK)

@@ -174,7 +174,8 @@ def test_it_goes_on_where_it_was_and_ends_at_the_most_allowed(tmp_path, small_sh
     pd.testing.assert_frame_equal(kept, before, check_exact=True)
     wider = jaxnet.run(systems.study(samples=until(0.2), **keys()), tmp_path / "out")
     assert (wider.samples, len(wider.lanes)) == (more.samples, sum(more.samples))
-    fixed = jaxnet.run(systems.study(samples=10, **keys()), tmp_path / "out")
+    with pytest.warns(UserWarning, match="begun with samples: 340, and keeps them"):
+        fixed = jaxnet.run(systems.study(samples=10, **keys()), tmp_path / "out")
     assert fixed.samples == [340] * 3
 
 

@@ -681,9 +681,8 @@ def test_vehicles_may_break_apart_without_a_navigator():
         "defence": ["none", {"kind": "w_msr", "F": 2}],
     }
     told = " ".join(verdict(**keys))
-    assert (
-        "Guarantee: honest vehicles agree inside the box of their starts: complete, W-MSR." in told
-    )
+    agree = "Guarantee: honest vehicles agree inside the box (not the hull) of their starts"
+    assert f"{agree}: complete, W-MSR." in told
     assert "Vehicles drop sources, so the fleet may break apart: lattice, W-MSR." in told
     assert (
         "A vehicle drops all sources (F too great), and stays where it starts: cyclic, W-MSR."

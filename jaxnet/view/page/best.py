@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from functools import partial
 from html import escape
 from typing import Any
 
@@ -18,6 +17,9 @@ from jaxnet.config.naming import (
     value_alone,
     value_name,
 )
+from jaxnet.lanes.jobs import lane_graphs
+from jaxnet.model.graph import Digraph
+from jaxnet.model.retained import DropPolicy
 from jaxnet.model.wording import count_between
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.store.results import Results
@@ -34,6 +36,7 @@ from jaxnet.view.text.facts import attacked_at_once
 
 MOST_COMPARED = 20_000  # of two cells; a few seconds
 MOST_SETTINGS = 4  # that have numbers of their own
+MOST_GRAPHS = 10  # of lanes that draw their links: those that are looked at
 
 
 def best_sentence(results: Results, lanes: JudgedLanes) -> str:
@@ -54,46 +57,55 @@ def best_sentence(results: Results, lanes: JudgedLanes) -> str:
     worse = {pair: each for pair, each in found.items() if each.better is False}
     beaten = {combined[cell] for cell, _ in worse}
     left = combined[~combined.isin(beaten)]
-    every, best = combined.drop_duplicates(), left.drop_duplicates().index
+    best = fewest_fallen(left, lanes) if has_verdict(results) else left
+    every, cells = combined.drop_duplicates(), [*best.index]
     by_lanes = {
         combined[cell]
         for (cell, other), each in worse.items()
         if each.by_lanes and combined[other] not in beaten
     }
-    close = every[every.isin(beaten - by_lanes)].index
     of = joined_names([*map(key_name, kinds)])
     several = len(kinds) > 1
     if left.empty:
         return f"<b>No {'combination of ' * several}{escape(of)} is best in every setting</b>."
-    if len(best) == len(every):
+    if left.nunique() == len(every):
         return ""
-    names = partial(combination_names, results, kinds, every.index)
+
+    def names(some: Iterable[str]) -> str | None:
+        there = every[every.isin([*some])].index
+        told = combination_names(results, kinds, every.index, there)
+        return told if told is None else escape(told)
+
     if (where := names(best)) is None:
         return ""
-    equal = ", between which no difference that counts is found" * (len(best) > 1)
-    of = f"combination{'s' * (len(best) > 1)} of {of}" if several else of
+    equal = ", between which no difference that counts is found" * (best.nunique() > 1)
+    of = f"combination{'s' * (best.nunique() > 1)} of {of}" if several else of
     among = ", where errors have settled" * bool(falling)
-    told = f"{of}{among}{equal}: {where}"
-    numbers = numbers_words(results, [*left.index], lanes)
-    least, fewest = fewest_fallen(left, lanes)
-    if len(fewest) < len(best) and has_verdict(results):
-        where = escape(str(names(every[every.isin(fewest)].index)))
-        numbers += f". The fewest such lanes, <b>{least:,}</b> in all, are with {where}"
-    if others := len(close) and has_verdict(results) and names(close):
-        numbers += f". Numbers of lanes do not tell {escape(others)} from it, only lengths do"
-    return f"<b>Best {escape(told)}</b>. {numbers}.{dropping_words(results, [*left.index])}"
+    numbers = numbers_words(results, cells, lanes)
+    rest = left.drop(index=cells)
+    if not rest.empty:
+        lost = fallen_numbers(rest, lanes)
+        many = sum(len(lanes[cell]) for cell in rest.index) // len(lost)
+        where_too = names(rest) or "other combinations"
+        numbers += f". Not proved worse: {where_too}, with {span_text(lost)} of {many:,} such lanes"
+    if others := has_verdict(results) and names(beaten - by_lanes):
+        numbers += f". Numbers of lanes do not tell {others} from it, only lengths do"
+    told = f"{escape(of)}{among}{equal}: {where}"
+    return f"<b>Best {told}</b>. {numbers}.{dropping_words(results, cells)}"
 
 
-def fewest_fallen(combined: Any, lanes: JudgedLanes) -> tuple[int, list[str]]:
-    """The least number of lanes of a combination that do not hold, and which combinations have it.
-
-    `combined` has the combination of each cell.
-    """
+def fallen_numbers(combined: Any, lanes: JudgedLanes) -> pd.Series:
+    """How many lanes of each combination do not hold; `combined` has the combination of a cell."""
     lost = Counter[str]()
     for cell, name in combined.items():
         lost[name] += int(lanes[cell]["fallen"].sum())
-    least = min(lost.values())
-    return least, [name for name, number in lost.items() if number == least]
+    return pd.Series(lost)
+
+
+def fewest_fallen(combined: Any, lanes: JudgedLanes) -> Any:
+    """The cells of those combinations of which the fewest lanes do not hold."""
+    lost: Any = fallen_numbers(combined, lanes)
+    return combined[combined.isin(lost.index[lost == lost.min()])]
 
 
 def combination_names(
@@ -114,24 +126,36 @@ def combination_names(
     return "; ".join(names) if len(names) <= MOST_TOLD else None
 
 
+def drops_all(graph: Digraph, drops: DropPolicy) -> bool:
+    """Whether vehicles hear others, and each may drop all of these, the navigator apart."""
+    near = drops.graph.heard & (drops.graph.sources > 0)
+    kept = (near & ~drops.links).any() or (drops.number < near.sum(axis=1)).any()
+    return bool(not kept and (graph.heard & (graph.sources > 0)).any())
+
+
 def dropping_words(results: Results, cells: Sequence[int]) -> str:
-    """In which cells a defence may drop all neighbours of each vehicle, or all sources."""
-    found, led = list[int](), True
+    """In which cells a defence drops, or may drop, all neighbours of a vehicle, or all sources."""
+    found, config = dict[int, bool](), results.study.config
+    led = not is_leaderless(results.study.cells)
     for cell in cells:
         scenario = results.study.cells[cell].scenario
-        if scenario.topology.redrawn():
+        redrawn, defence = scenario.topology.redrawn(), scenario.defence
+        graphs = [attacked_at_once(scenario)[0]]
+        if redrawn:
+            graphs = lane_graphs(config, scenario, range(min(MOST_GRAPHS, config.most_samples)))
+        trusted = ((graph, defence.trusts(graph)) for graph in graphs)
+        policies = [(defence.may_drop(*each), defence.retained(*each), each[0]) for each in trusted]
+        if all(drops_all(graph, drops) for drops, _, graph in policies):
+            known = [policy for _, policy, _ in policies]
+            found[cell] = not redrawn and all(each and each.fixed is not None for each in known)
+    told = ""
+    for sure, words in ((True, "Every vehicle drops all"), (False, "A vehicle may drop all")):
+        if not (some := [cell for cell, each in found.items() if each == sure]):
             continue
-        graph, _, trusted = attacked_at_once(scenario)
-        drops, led = scenario.defence.may_drop(graph, trusted), scenario.navigator.present
-        neighbours = graph.heard & (graph.sources > 0)
-        kept = (neighbours & ~drops.links).any() or (drops.number < neighbours.sum(axis=1)).any()
-        if not kept and neighbours.any():
-            found.append(cell)
-    if not found:
-        return ""
-    where = f" {where_words(results, found, cells)}" if len(found) < len(cells) else " there"
-    alone = f"neighbours{where}, and hear the navigator alone" if led else f"sources{where}"
-    return f" A vehicle may drop all of its {alone}."
+        where = f" {where_words(results, some, cells)}" if len(some) < len(cells) else " there"
+        alone = f"neighbours{where}, and hears the navigator alone" if led else f"sources{where}"
+        told += f" {words} of its {alone}."
+    return told
 
 
 def numbers_words(results: Results, cells: Sequence[int], lanes: JudgedLanes) -> str:

@@ -51,7 +51,7 @@ from jaxnet.view.page.judged import (
 )
 from jaxnet.view.page.proved import ideal_sentence, outnumbered_sentence, proved_sentence
 from jaxnet.view.page.where import MOST_TOLD, span_words, where_words
-from jaxnet.view.text import worst
+from jaxnet.view.text import tables, worst
 from jaxnet.view.text.check import AlikeCells
 from jaxnet.view.text.tables import grave_warnings, other_warnings
 from jaxnet.view.text.width import numbered_words
@@ -76,8 +76,11 @@ def findings_section(
     separated = separation_sentence(results)
     grid, best = grid_html(results, lanes), best_sentence(results, lanes)
     first = [] if grid else [unrecovered_sentence(results), extremes_sentence(results)]
+    searched = search_sentence(results)
+    best += " These lanes are random; what a search finds is below." * bool(best and searched)
     sentences = [
         *first,
+        searched,
         baseline_sentence(results),
         proved_sentence(results, theory),
         failed_sentence(results),
@@ -85,7 +88,6 @@ def findings_section(
         *(f"<b>Warning:</b> {each}." for each in grave_warnings(results, cells)),
         outside_sentence(results) if alone else "",
         "" if alone else bounds_sentence(results, found, fit),
-        search_sentence(results),
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         ideal_sentence(results),
@@ -110,12 +112,20 @@ def failed_sentence(results: Results) -> str:
     kinds = escape(counted(sum(there.values(), Counter())))
     failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
     failed += f", {where_words(results, sorted(there))}".rstrip(", ")
+    held = [
+        results.study.cells[cell]
+        for cell, each in there.items()
+        if {*each} & {*tables.HELD_TOO_LONG}
+    ]
+    helps = f" {sentence_case(escape(tables.held_words(held)))}." * bool(held)
     left = sorted(curves.mostly_failed(results))
     if not left or not lanes["ok"]:
-        return f"{failed}."
+        return f"{failed}.{helps}"
     where = "there" if left == sorted(there) else where_words(results, left)
-    many = "No lane" if not results.cells["ok"].iloc[left].any() else "Few lanes"
-    return f"{failed}. {many} ended {where}".rstrip() + ": these cells have no errors below."
+    few = "Few lanes", "errors there are of these few"
+    if not results.cells["ok"].iloc[left].to_numpy().any():
+        few = "No lane", "these cells have no errors below"
+    return f"{failed}. {few[0]} ended {where}".rstrip() + f": {few[1]}.{helps}"
 
 
 def isolated_sentence(results: Results) -> str:
@@ -124,7 +134,7 @@ def isolated_sentence(results: Results) -> str:
     for words, lanes in isolated_lanes(results).items():
         many, of = map(sum, zip(*lanes.values(), strict=True))
         where = where_words(results, [cell for cell, (some, _) in lanes.items() if some])
-        told.append(f"in <b>{many:,} of {of:,} lanes</b> that ended {words} {where}".rstrip())
+        told.append(f"{words} in <b>{many:,} of {of:,} lanes</b> that ended, {where}".rstrip(", "))
     return f"{sentence_case('; '.join(told))}." * bool(told)
 
 
@@ -345,7 +355,7 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         some = "cells" if all(len(curve.cells) == 1 for curve in found) else AMONG
         told += f"In {len(shares)} {some} the worst error is {ends} of the least bound. "
     elif bounded:
-        told += f"Per ā it is {'; '.join(map(bound_words, bounded))}. "
+        told += f"Per ā the worst error is {'; '.join(map(bound_words, bounded))}. "
     if bounded and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
         above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>. '

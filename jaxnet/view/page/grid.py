@@ -29,6 +29,7 @@ from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.horizon import LOST
 from jaxnet.statistics.intervals import clopper_pearson
+from jaxnet.statistics.isolation import ISOLATED
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import ROUNDED, error_text
@@ -150,6 +151,8 @@ def grid_html(results: Results, lanes: JudgedLanes) -> str:
     caption, *notes = grid_words(results, laid, lanes, tests)
     about = OF_ROBUSTNESS if is_leaderless(results.study.cells) else ABOUT_ASSUMPTIONS
     notes += [about] * (OF_ASSUMPTIONS in body)
+    mean = "worst lane: the greatest error of a lane, a mean over vehicles and the tail"
+    notes += [mean] * ("worst lane" in body and not is_leaderless(results.study.cells))
     left = len(cells_judged(results.study.cells)) < len(results.study.cells)
     notes += ["cells without an attack are not in this table"] * left
     box = f'<div class="box" tabindex="0">{table}</div>'
@@ -200,6 +203,7 @@ def fields_html(
             told += [counted(reasons), f"no agreement {apart} %" * agree]
             told += [f"{word} {median}" * bool(median), f"worst lane {worst}" * (worst != median)]
             told += [f"lost {lost} %" * bool(known["lost"].any())]
+            told += isolated_texts(pd.concat([lanes[cell] for cell in cells]))
             told += [f"out {out} %" + f", by up to {way}" * (out != "0")] * bool(way)
             told += [f"too near {near} %" * bool(known["near"].any())]
             told += [f"{word} still falls" * bool(known["falling"].any())]
@@ -211,12 +215,22 @@ def fields_html(
     return found
 
 
+def isolated_texts(lanes: pd.DataFrame) -> list[str]:
+    """In how many of the lanes that do not hold a vehicle came to rest, or was cut off."""
+    told, fallen = list[str](), lanes["fallen"]
+    for column in [each for each in ISOLATED if each in lanes]:
+        many: Any = (lanes[column] & fallen).sum()
+        if many:
+            told.append(f"in {many:,} of these {fallen.sum():,} lanes {ISOLATED[column]}")
+    return told
+
+
 def draws_text(drawn: Sequence[tuple[pd.Series, pd.Series]]) -> str:
     """How many lanes do not hold, of those whose draw is outside the assumptions, and within."""
     if not drawn:
         return ""
     fallen, beyond = (pd.concat(each).to_numpy() for each in zip(*drawn, strict=True))
-    if beyond.all():
+    if beyond.all() or not beyond.any():
         return ""
     outside, within = (f"{fallen[each].sum():,} of {each.sum():,}" for each in (beyond, ~beyond))
     return f"{outside} lanes outside {OF_ASSUMPTIONS}, {within} within"
@@ -243,7 +257,23 @@ def shares_text(results: Results, laid: GridLayout, shares: pd.Series) -> str:
             until = value_name(key, texts.index[(texts == first).cummin()][-1])
             since = value_name(key, texts.index[(texts == last)[::-1].cummin()[::-1]][0])
             return f"{first} % up to {until}, {last} % from {since}"
-    return f"{numbers_text(shares, percent_text, laid.listed)} %"
+    told = f"{numbers_text(shares, percent_text, laid.listed)} %"
+    return told if laid.listed else by_setting(results, laid, shares) or told
+
+
+def by_setting(results: Results, laid: GridLayout, shares: pd.Series) -> str:
+    """Shares [%] for each value of the setting that decides; "" if none does.
+
+    It decides if shares differ four times less among cells with the same value.
+    """
+    for key, values in laid.settings.items():
+        labels = [results.study.cells[cell].labels[key] for cell in shares.index]
+        groups: Any = shares.groupby(labels, sort=False)
+        within, every = (groups.max() - groups.min()).max(), shares.max() - shares.min()
+        if every > 0 and 4 * within <= every and len(values) <= MOST_NUMBERS:
+            each = [numbers_text(mine, percent_text, False) for _, mine in groups]
+            return f"{', '.join(each)} % for {values_named(key, [v for v, _ in groups], 'and')}"
+    return ""
 
 
 def lengths_text(lengths: pd.Series, listed: bool) -> str:

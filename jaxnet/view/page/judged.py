@@ -14,6 +14,7 @@ from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.horizon import lost_limits
+from jaxnet.statistics.isolation import isolation_columns
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
 from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
 from jaxnet.statistics.tiles import share_lost
@@ -77,13 +78,15 @@ def judged_lanes(results: Results, cells: Iterable[int]) -> dict[int, Any]:
     - `out`: outside the hull of the starts, without a navigator; `way` [m]: how far
     - `near`: two vehicles came nearer than a filter asks for
     - `fallen`: unrecovered or out; the others hold
+    - `stopped`, `cut_off_vehicles`, if rows have them: whether any vehicle was
     - `error` [m]: the mean error, or the spread; 0 where the study asks for no less
     """
     judged, asked = judged_metric(results.study.cells), results.study.config.recovery
     alone, limits = is_leaderless(results.study.cells), lost_limits(results)
     columns, found = ["sample", "status", judged, *["outside"] * alone], dict[int, Any]()
     name, least = separation_asked(results) or ("", 0.0)
-    columns += [name] * bool(name)
+    isolated = isolation_columns(results)
+    columns += [*[name] * bool(name), *isolated]
     for cell, lanes in results.by_cell(*columns, cells={*cells}):
         mine, error, failed = results.study.cells[cell], lanes[judged], lanes["status"] != "ok"
         way = lanes["outside"] if alone else 0.0 * error
@@ -99,6 +102,7 @@ def judged_lanes(results: Results, cells: Iterable[int]) -> dict[int, Any]:
                 "way": way.mask(way <= mine.scenario.engine.accuracy, 0.0),
                 "error": error.mask(error <= np.fmax(size, ROUNDING_ERROR), 0.0),
             }
+            | {column: lanes[column] > 0 for column in isolated}
         ).set_axis(lanes["sample"])
         found[cell]["fallen"] = found[cell]["unrecovered"] | found[cell]["out"]
     return found

@@ -79,8 +79,7 @@ def outside_by_draw(results: Results, lanes: JudgedLanes) -> dict[int, pd.Series
         else:
             draws = ((attacked_at_once(scenario)[0], each) for each in sets.T)
         beyond = [is_outside(scenario, graph, vehicle_numbers(each)) for graph, each in draws]
-        if any(beyond):
-            found[cell.number] = pd.Series(np.array(beyond)[which], index=samples)
+        found[cell.number] = pd.Series(np.array(beyond)[which], index=samples)
     return found
 
 

@@ -53,7 +53,7 @@ from jaxnet.view.page.elements import (
     views_html,
 )
 from jaxnet.view.page.plots import networks_html, plotted, tiled
-from jaxnet.view.page.setting import alternatives, attacks, kind_name, setting_rows
+from jaxnet.view.page.setting import alternatives, attacks, nested_name, setting_rows
 from jaxnet.view.text import check, tables, worst
 from jaxnet.view.text.analyses import RARE_LEGEND, SENSITIVITY_LEGEND, rare_rows
 
@@ -140,7 +140,7 @@ def lead_sentence(results: Results) -> str:
         told += f" Vehicles: {escape(rows['vehicles'])}. Time: {escape(rows['time'])}."
     if "attacked signals" in rows:
         kinds = (cell.scenario.attack for cell in results.study.cells if attacks(cell.scenario))
-        attack = alternatives([*dict.fromkeys(each.label or kind_name(each) for each in kinds)])
+        attack = alternatives([*dict.fromkeys(map(nested_name, kinds))])
         told += escape(f" Attack: {attack}, on {rows['attacked signals']}.")
     return f"{told}<br><small>{LEAD_WORDS}</small>"
 

@@ -179,3 +179,10 @@ def kind_words(key: str, cell: Cell) -> str:
 
 def kind_name(kind: Kind) -> str:
     return kind.words or words_in(kind.reference().rpartition(":")[2])
+
+
+def nested_name(kind: Any) -> str:
+    """A kind, with the kind that is its key `of`."""
+    inner = getattr(kind, "of", None)
+    of = f" of {kind_name(inner)}" if isinstance(inner, Kind) else ""
+    return kind.label or f"{kind_name(kind)}{of}"

@@ -35,7 +35,7 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
     for name in (name for name, line in lines.items() if UNSTABLE in line):
         yield 0, f"WARNING: unstable, deviations grow (line `{name}`)"
     if scenario.attack.present and scenario.leaderless:
-        inside = "Guarantee: honest vehicles agree inside the box of their starts"
+        inside = "Guarantee: honest vehicles agree inside the box (not the hull) of their starts"
         yield (1, inside) if agreed else NO_AGREEMENT
     elif scenario.attack.present:
         reasons = found["safe"].reasons if "safe" in found else ()
