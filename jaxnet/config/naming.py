@@ -221,8 +221,10 @@ def values_named(key: str, values: Sequence[object], joint: str) -> str:
         if len({rest for *_, rest in parts}) == 1:  # such as "1 attacked", "2 attacked"
             names = [*(first for first, *_ in parts[:-1]), names[-1]]
         return f" {joint} ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-    alone = ", ".join(value_alone(key, each) for each in values[:-1])
-    return f"{name}{equals}{alone} {joint} {value}"
+    alone = [value_alone(key, each) for each in values[:-1]]
+    if any("," in each for each in (*alone, value)):  # lists
+        return f"{name}{equals}{'; '.join([*alone, value])}"
+    return f"{name}{equals}{', '.join(alone)} {joint} {value}"
 
 
 def magnitudes_with_units(key: str, value: object) -> str:

@@ -36,7 +36,7 @@ from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
-from jaxnet.view.page import best, elements, findings, proved, sections, trajectories, where
+from jaxnet.view.page import best, elements, findings, grid, proved, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.judged import judged_lanes
 from jaxnet.view.page.plots import axis, plotted
@@ -474,6 +474,21 @@ def test_a_verdict_tells_up_to_which_magnitude_it_holds(tmp_path):
     assert "<b>100 % up to ā = 5 m, 0 % from ā = 20 m</b><br>error 1 m" in found
     assert "<b>0 %</b><br>error 0.001 to 0.1 m" in found
     assert "over all values of attack magnitude. 12 lanes a cell:" in found
+    keys["sweep"] = {"defence": ["none", "w_msr"], "attack.vehicles": [[1], [1, 4], [1, 4, 7]]}
+    keys["sweep"] |= {"attack.magnitude": [10, 20], "topology": ["cyclic", "star"]}
+    decided = [0.1] * 4 + [9.0] * 8  # by the vehicles
+    mixed = [9.0, 9.0, 0.1, 0.1, 0.1, 0.1, 9.0, 9.0, 9.0, 9.0, 0.1, 0.1]  # by both settings
+    found = told(tmp_path, decided + mixed, **keys).replace("\xa0", " ")
+    assert "<b>0 to 100 %</b>" in found
+    assert "<b>0, 100, 100 % for attacked vehicles = 1; 1, 4; 1, 4, 7</b>" in found
+
+
+def test_a_field_counts_lanes_that_do_not_hold_as_a_vehicle_came_to_rest():
+    """Of four lanes two do not hold; a vehicle stopped in one of them, and in one that holds."""
+    lanes = pd.DataFrame({"fallen": [1, 1, 0, 0], "stopped": [1, 0, 1, 0]}, dtype=bool)
+    assert grid.isolated_texts(lanes) == ["in 1 of these 2 lanes a vehicle came to rest"]
+    assert grid.isolated_texts(lanes[["fallen"]]) == []
+    assert grid.isolated_texts(lanes.iloc[1:]) == []
 
 
 def test_lanes_outside_the_assumptions_of_a_defence_are_told_apart(tmp_path):
@@ -530,6 +545,9 @@ def test_the_best_combination_holds_against_every_other(tmp_path):
     found = told(tmp_path, [9.0, 9.0, 0.5, 9.0, 9.0, 9.0, 9.0, 9.0], **sizes)
     counts = "of 12 lanes a cell <b>0</b> (ā\xa0=\xa010\xa0m) and <b>12</b> (ā\xa0=\xa020\xa0m) do"
     assert f"Best combination of topology and defence: cyclic, W-MSR</b>. There {counts}" in found
+    keys["sweep"] = {"topology": ["cyclic", LATTICE], "defence": ["none", "vote"]}
+    found = told(tmp_path, [9.0, 0.5, 9.0, 0.6], **keys)  # all hear the navigator
+    assert "Every vehicle drops all of its neighbours there, and hears the navigator alone" in found
     lossy = {"kind": "bernoulli", "probability": 0.1}
     keys["sweep"] = {
         "channel.loss": ["none", lossy],
