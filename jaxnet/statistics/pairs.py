@@ -55,9 +55,10 @@ class Comparison(NamedTuple):
     cells
         A row for each pair of cells.
     changed
-        Lanes that are unrecovered in only one study.
+        Lanes that are unrecovered, or failed, in only one study.
     failed
-        Lanes that failed in either study; no difference counts them.
+        Lanes that failed in either study. Shares count them as unrecovered; metrics are of pairs of
+        which both ended.
 
     Examples
     --------
@@ -93,12 +94,13 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     rows = [comparison_row(mine, metrics, first.study.config) for mine in each]
 
     def named(which: pd.Series, names: list[str]) -> pd.DataFrame:
-        some = lanes.loc[which, names].dropna()
+        some = lanes.loc[which, names]
         cells = labels.iloc[some.index.get_level_values(0)].reset_index(drop=True)
         return cells.join(some.reset_index(drop=True))
 
     sides = [f"{name}{side}" for name in (metrics[0], "unrecovered") for side in SIDES]
-    changed = lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])
+    judged = lanes[["unrecovered_A", "unrecovered_B"]]
+    changed = judged.notna().all(axis=1) & (judged["unrecovered_A"] != judged["unrecovered_B"])
     in_a, in_b = zip(*pairs, strict=True)
     alone = [f"{each} of A" for each in unpaired(first, second, in_a)]
     alone += [f"{each} of B" for each in unpaired(second, first, in_b)]
@@ -195,8 +197,8 @@ def mark_unrecovered(
 ) -> pd.DataFrame:
     """The lanes with `ok`, whether both lanes ended, and whether each lane is unrecovered.
 
-    `unrecovered` is not-a-number without a criterion or an attack, and where ā is unknown because
-    an attack's code is missing.
+    A lane that failed is unrecovered. `unrecovered` is not-a-number without a criterion or an
+    attack, and where ā is unknown because an attack's code is missing.
     """
     levels = [
         known_or(np.nan, functools.partial(threshold, cell, asked))
@@ -205,7 +207,8 @@ def mark_unrecovered(
     known = not np.isnan(levels).any()
     judged = {}
     for side, cell, level in zip(SIDES, pair, levels, strict=True):
-        over = (lanes[f"{cell.scenario.judged}{side}"] > level).astype(object)
+        failed = lanes[f"status{side}"] != "ok"
+        over = (failed | (lanes[f"{cell.scenario.judged}{side}"] > level)).astype(object)
         judged[f"unrecovered{side}"] = over if known else np.nan
     return lanes.assign(ok=(lanes["status_A"] == "ok") & (lanes["status_B"] == "ok"), **judged)
 
@@ -218,17 +221,17 @@ def comparison_row(lanes: pd.DataFrame, metrics: Sequence[str], study: Config) -
         apart = (ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float)
         found = metric_statistics(apart, units)
         row |= {f"{metric}_{name}": found[of] for name, of in DIFFERENCE.items()}
-    sides = ok[["unrecovered_A", "unrecovered_B"]]
-    if sides.isna().to_numpy().any() or not len(ok):
+    sides = lanes[["unrecovered_A", "unrecovered_B"]]
+    if sides.isna().to_numpy().any() or not len(lanes):
         return row | dict.fromkeys(Shift._fields, np.nan)
     return row | share_shift(*sides.to_numpy(bool).T)._asdict()
 
 
 class Shift(NamedTuple):
-    """Difference of the share unrecovered between paired lanes."""
+    """Difference of the share failed or unrecovered between paired lanes."""
 
-    saved: int  # lanes unrecovered only in A
-    lost: int  # lanes unrecovered only in B
+    saved: int  # lanes failed or unrecovered only in A
+    lost: int  # lanes failed or unrecovered only in B
     unrecovered: float  # share in B − share in A
     unrecovered_low: float
     unrecovered_high: float

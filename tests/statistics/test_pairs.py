@@ -133,8 +133,8 @@ def test_a_study_differs_from_itself_by_nothing(without):
     assert "of the cell have the same value; at most 22.1 % of all possible lanes have" in told
 
 
-def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
-    """In whichever study it failed."""
+def test_a_failed_lane_counts_in_shares_alone_and_is_named(without, trimmed):
+    """In whichever study it failed; it is unrecovered there."""
     whole = jaxnet.compare(without, trimmed)
     pair = pairs.paired_cells(without, trimmed)[0]
     lanes = pairs.join_lanes((without, trimmed), pair, METRICS)
@@ -144,7 +144,16 @@ def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
     assert (row["pairs"], row["failed"]) == (9, 1)
     kept = (lanes["tail_mean_B"] - lanes["tail_mean_A"]).drop(3)
     assert row["tail_mean_difference"] == pytest.approx(kept.mean())
+    level = 0.3 * pair[0].labels["attack.magnitude"]
+    over = [lanes[f"tail_mean{side}"] > level for side in pairs.SIDES]
+    over[1][3] = True
+    assert row["saved"] == (over[0] & ~over[1]).sum()
+    assert row["lost"] == (over[1] & ~over[0]).sum()
+    assert row["unrecovered"] == pytest.approx((over[1].sum() - over[0].sum()) / 10)
     named = judged[~judged["ok"]].assign(cell=0)
+    assert "Δ failed or unrecovered [%]" in [
+        each.title for each in comparison.comparison_columns(whole._replace(failed=named))
+    ]
     said = comparison.comparison_text(whole._replace(failed=named))
     assert "failed: 1 lane: cell 0 sample 3 (ok in A, max_steps in B)" in said
 

@@ -105,7 +105,8 @@ def comparison_columns(found: Comparison) -> list[Column]:
             known = ends if entries[["low", "high"]].notna().to_numpy().any() else None
             column = column._replace(entries=entries, ends=known)
         if name == "unrecovered":
-            column = column._replace(title=f"{DELTA}unrecovered [%]", scale=100.0)
+            failed = "failed or " * (not found.failed.empty)
+            column = column._replace(title=f"{DELTA}{failed}unrecovered [%]", scale=100.0)
         columns.append(column)
     return columns
 
