@@ -174,15 +174,18 @@ def unended_words(results: Results, cells: Sequence[Cell]) -> str:
     lost = [cell for cell in cells if ended[cell.number] == 0]
     few = [cell for cell in cells if cell.number in failed and cell not in lost]
     some = [cell for cell in cells if cell.number in kinds and cell.number not in failed]
-    there = table.loc[[cell.number for cell in some], ["failed", "ok"]].to_numpy(int)
 
     def told(words: str, those: Sequence[Cell]) -> str:
         why = sum((kinds.get(cell.number, Counter()) for cell in those), Counter[str]())
-        return f"{words}: {values_told(those, cells)} ({counted(why)})"
+        where = f": {values_told(those, cells)}" * (len(those) < len(cells))
+        return f"{words}{where} ({counted(why)})"
 
-    parts = {"no lane ended": lost, "most lanes failed": few}
-    parts[f"{there[:, 0].sum():,} of {there.sum():,} lanes failed"] = some
-    return "; ".join(told(words, those) for words, those in parts.items() if those)
+    def failed_words(those: Sequence[Cell]) -> str:
+        numbers = table.loc[[cell.number for cell in those], ["failed", "ok"]].to_numpy(int)
+        return told(f"{numbers[:, 0].sum():,} of {numbers.sum():,} lanes failed", those)
+
+    parts = [told("no lane ended", lost)] * bool(lost)
+    return "; ".join([*parts, *(failed_words(those) for those in (few, some) if those)])
 
 
 def share_failed(table: pd.DataFrame) -> pd.DataFrame:

@@ -23,7 +23,7 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Criterion, Recovery, Sequential
 from jaxnet.config.naming import NO_BREAK
 from jaxnet.config.study import Study
-from jaxnet.model.wording import Named, cells_named
+from jaxnet.model.wording import Named, cells_named, number_text
 from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.curves import mostly_failed, unrecovered_shares
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
@@ -54,11 +54,15 @@ def threshold(cell: Cell, asked: Recovery | None) -> float:
 
 
 def criterion_words(asked: Recovery, cells: Sequence[Cell]) -> str:
+    """What a lane that does not recover has, with its length if all attacked cells have one."""
     size = "ā" if asked.of == "magnitude" else "of the amplitude in force"
     judged = {cell.scenario.judged for cell in cells}
     what = "spread" if is_leaderless(cells) else "mean error"
     other = "" if len(judged) == 1 else " (without a navigator: spread)"
-    return f"{what} over the tail{other} > {asked.tau:g}{NO_BREAK}{size}"
+    attacked = [cell for cell, each in zip(cells, attacked_mask(cells), strict=True) if each]
+    limits = known_or(set[float](), lambda: {threshold(cell, asked) for cell in attacked})
+    length = f" = {number_text(limits.pop())}{NO_BREAK}m" if len(limits) == 1 else ""
+    return f"{what} over the tail{other} > {asked.tau:g}{NO_BREAK}{size}{length}"
 
 
 def share_name(cells: Sequence[Cell]) -> str:

@@ -182,7 +182,7 @@ def test_failed_lanes_of_drawn_cells_are_told(results, monkeypatch):
     monkeypatch.setattr(quantities, "failed_kinds", lambda results: kinds)
     assert plain(quantities.unended_words(made, cells)) == (
         "no lane ended: cyclic, ā = 5 m (5 disconnected);"
-        " most lanes failed: cyclic, ā = 0 m (4 disconnected);"
+        " 4 of 5 lanes failed: cyclic, ā = 0 m (4 disconnected);"
         " 2 of 5 lanes failed: star, ā = 5 m (2 disconnected)"
     )
     assert quantities.unended_words(made, cells[:1]) == ""

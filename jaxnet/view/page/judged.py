@@ -16,7 +16,7 @@ from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.horizon import lost_limits
 from jaxnet.statistics.isolation import isolation_columns
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
-from jaxnet.statistics.recovery import attacked_mask, criterion_words, threshold
+from jaxnet.statistics.recovery import criterion_words, threshold
 from jaxnet.statistics.tiles import share_lost
 from jaxnet.store.results import Results
 from jaxnet.view.page.where import joined_names
@@ -123,13 +123,9 @@ def held_word(results: Results) -> str:
 
 
 def criterion_text(results: Results) -> str:
-    """What a lane that does not recover has, in brackets, with its length if all cells have one."""
-    asked, cells = results.study.config.recovery, results.study.cells
-    if asked is None:
-        return ""
-    limits = {threshold(cell, asked) for cell in np.array(cells)[attacked_mask(cells)]}
-    size = f" = {number_text(limits.pop())} m" if len(limits) == 1 else ""
-    return f" ({criterion_words(asked, cells)}{size})"
+    """What a lane that does not recover has, in brackets."""
+    asked = results.study.config.recovery
+    return "" if asked is None else f" ({criterion_words(asked, results.study.cells)})"
 
 
 def fallen_words(results: Results) -> str:

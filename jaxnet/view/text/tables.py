@@ -7,6 +7,7 @@ from functools import partial
 from html import escape
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless
@@ -155,10 +156,10 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     if any(each.has_rounding() for each in shown):
         notes.append("errors below 1e-9 ā (1e-9 m without an attack) are shown as 0")
     if names & {"tail_max_max", "spread_max", "outside_max"} and lanes.any() and independent:
-        most = lanes.drop(index=mostly_failed(results), errors="ignore")
-        many = (most if most.any() else lanes)[lanes > 0].astype(int)
+        many = lanes[lanes > 0].astype(int)
         beyond = share_beyond(int(many.min()))
-        words = f"at most {beyond} of all possible lanes are above, with 95 % confidence"
+        possible = "lanes that end" if failed else "possible lanes"
+        words = f"at most {beyond} of all {possible} are above, with 95 % confidence"
         notes.append(f"max: greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}")
     return [*notes, *caveat_lines(cells)]
 
@@ -188,7 +189,7 @@ def held_lines(results: Results, cells: Sequence[Cell]) -> list[str]:
     lengths: Any = pd.Series(column.numbers("value"), results.cells.index)
     known = lengths[table.index].drop(index=mostly_failed(results), errors="ignore").dropna()
     ends = [
-        f"{column.text(end)} m in {named(known.index[known == end].tolist())}"
+        f"{column.text(end)} m in {named(known.index[np.isclose(known, end, atol=0)].tolist())}"
         for end in dict.fromkeys((known.min(), known.max()))
     ]
     return [*lines, *[f"{words}: {' to '.join(ends)}"] * (len(known) > 0)]
