@@ -53,14 +53,19 @@ def threshold(cell: Cell, asked: Recovery | None) -> float:
     return asked.tau * (known_amplitude(cell.scenario) if in_force else attack_size(cell))
 
 
+def attacked_thresholds(asked: Recovery, cells: Sequence[Cell]) -> set[float]:
+    """The different thresholds of the cells with an attack [m]."""
+    masked = zip(cells, attacked_mask(cells), strict=True)
+    return {threshold(cell, asked) for cell, attacked in masked if attacked}
+
+
 def criterion_words(asked: Recovery, cells: Sequence[Cell]) -> str:
     """What a lane that does not recover has, with its length if all attacked cells have one."""
     size = "ā" if asked.of == "magnitude" else "of the amplitude in force"
     judged = {cell.scenario.judged for cell in cells}
     what = "spread" if is_leaderless(cells) else "mean error"
     other = "" if len(judged) == 1 else " (without a navigator: spread)"
-    attacked = [cell for cell, each in zip(cells, attacked_mask(cells), strict=True) if each]
-    limits = known_or(set[float](), lambda: {threshold(cell, asked) for cell in attacked})
+    limits = known_or(set[float](), lambda: attacked_thresholds(asked, cells))
     length = f" = {number_text(limits.pop())}{NO_BREAK}m" if len(limits) == 1 else ""
     return f"{what} over the tail{other} > {asked.tau:g}{NO_BREAK}{size}{length}"
 
