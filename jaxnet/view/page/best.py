@@ -91,7 +91,9 @@ def best_sentence(results: Results, lanes: JudgedLanes) -> str:
     if others := has_verdict(results) and names(beaten - by_lanes):
         numbers += f". Numbers of lanes do not tell {others} from it, only lengths do"
     told = f"{escape(of)}{among}{equal}: {where}"
-    return f"<b>Best {told}</b>. {numbers}.{dropping_words(results, cells)}"
+    fallen = np.concatenate([lanes[cell]["fallen"].to_numpy() for cell in cells])
+    none = "None holds in most lanes. " * bool(fallen.mean() > 0.5)
+    return f"<b>{none}Best {told}</b>. {numbers}.{dropping_words(results, cells)}"
 
 
 def fallen_numbers(combined: Any, lanes: JudgedLanes) -> pd.Series:

@@ -221,7 +221,7 @@ def outside_sentence(results: Results) -> str:
     moved = [place for place in ways.index if some[place]]
     words = "Honest vehicles leave the convex hull of their starts"
     if is_left.any():
-        words = f"In more than half of the lanes {words[0].lower()}{words[1:]}"
+        words = f"In half of the lanes or more {words[0].lower()}{words[1:]}"
     if is_left.any() and len(usual):
         words = "Liars move honest vehicles out of the convex hull of their starts"
         shares: Any = curves.unrecovered_shares(results)["unrecovered"].reindex(moved)

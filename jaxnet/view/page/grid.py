@@ -24,7 +24,7 @@ from jaxnet.config.naming import (
     value_name,
     values_named,
 )
-from jaxnet.model.wording import count_between, counted, number_text
+from jaxnet.model.wording import count, count_between, counted, number_text
 from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.horizon import LOST
@@ -201,7 +201,12 @@ def fields_html(
             )
             told = [f"<b>{shares_text(results, laid, known['fallen'])}</b>" * tells]
             told += [counted(reasons), f"no agreement {apart} %" * agree]
-            told += [f"{word} {median}" * bool(median), f"worst lane {worst}" * (worst != median)]
+            ended = sum(int((~lanes[n]["failed"]).sum()) for n in cells)
+            few = f" of {count(ended, 'lane')} that ended" * bool(reasons)
+            told += [
+                f"{word} {median}{few}" * bool(median),
+                f"worst lane {worst}" * (worst != median),
+            ]
             told += [f"lost {lost} %" * bool(known["lost"].any())]
             told += isolated_texts(pd.concat([lanes[cell] for cell in cells]))
             told += [f"out {out} %" + f", by up to {way}" * (out != "0")] * bool(way)
@@ -233,7 +238,7 @@ def draws_text(drawn: Sequence[tuple[pd.Series, pd.Series]]) -> str:
     if beyond.all() or not beyond.any():
         return ""
     outside, within = (f"{fallen[each].sum():,} of {each.sum():,}" for each in (beyond, ~beyond))
-    return f"{outside} lanes outside {OF_ASSUMPTIONS}, {within} within"
+    return f"do not hold: {outside} lanes outside {OF_ASSUMPTIONS}, {within} within"
 
 
 def has_verdict(results: Results) -> bool:
