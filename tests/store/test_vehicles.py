@@ -66,7 +66,7 @@ def test_table_figure_and_page_show_who_tracks(results):
         assert sorted(len(line.get_xdata()) for line in points) == [1, 4]
     shown = str(sections.vehicles_section(results))
     assert "lanes over threshold [%]" in shown
-    assert "own error (mean error over the tail &gt; 0.3\xa0ā)" in shown
+    assert "own error (mean error over the tail &gt; 0.3\xa0ā = 3\xa0m)" in shown
 
 
 def test_a_lane_that_failed_has_no_errors_of_vehicles(tmp_path):
