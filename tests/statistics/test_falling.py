@@ -205,6 +205,13 @@ def test_a_swing_with_one_phase_is_not_told_to_fall():
         "in all cells: the tail (5 s) is shorter than the period of the attack (15.7 s), so spreads"
         " may fall or swing. Try tail: 20"
     )
+    late = jaxnet.load(SWINGS | {"navigator": "lissajous", "channel": {"delay": 0.1}})
+    short.cells["falling"] = 1.0
+    told = falling_words(short, late.cells)  # the attack's period is beyond the tail
+    assert "messages are late" not in told
+    slow = jaxnet.load(SWINGS | {"navigator": "lissajous", "channel": {"delay": 0.1}, "tail": 20.0})
+    told = one_line(falling_words(short, slow.cells))
+    assert "errors still fall when the run ends, or follow the speed of the navigator, as" in told
     long = jaxnet.simulate(SWINGS | {"tail": 20.0}, 40, progress=False)
     assert (long.cells["falling"] == 0).all()
     assert falling_words(long, long.study.cells) == ""

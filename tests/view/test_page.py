@@ -36,7 +36,17 @@ from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
-from jaxnet.view.page import best, elements, findings, grid, proved, sections, trajectories, where
+from jaxnet.view.page import (
+    best,
+    elements,
+    findings,
+    grid,
+    proved,
+    sections,
+    setting,
+    trajectories,
+    where,
+)
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.judged import judged_lanes
 from jaxnet.view.page.plots import axis, plotted
@@ -481,6 +491,21 @@ def test_a_verdict_tells_up_to_which_magnitude_it_holds(tmp_path):
     found = told(tmp_path, decided + mixed, **keys).replace("\xa0", " ")
     assert "<b>0 to 100 %</b>" in found
     assert "<b>0, 100, 100 % for attacked vehicles = 1; 1, 4; 1, 4, 7</b>" in found
+
+
+def test_failed_lanes_of_the_sampled_engine_come_with_what_may_help(tmp_path):
+    """As `run` prints it; other engines have other reasons."""
+    for engine in ("sampled", "nonlinear"):
+        keys = ROTATING | {"engine": engine, "output_step": 0.5}
+        found = told(tmp_path, [1.0], failed=["singular"], **keys)
+        assert "<b>1 lane of 3 failed</b>: 1 singular" in found
+        assert ("try vehicle.standstill: stop" in found) is (engine == "sampled")
+
+
+def test_the_lead_names_what_an_envelope_holds():
+    envelope = {"kind": "envelope", "of": {"kind": "bias"}, "start": 5.0}
+    scenario = jaxnet.load({"attack": envelope}).cells[0].scenario
+    assert setting.nested_name(scenario.attack) == "envelope of bias"
 
 
 def test_a_field_counts_lanes_that_do_not_hold_as_a_vehicle_came_to_rest():

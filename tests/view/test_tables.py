@@ -525,6 +525,11 @@ def test_a_worst_lane_comes_with_the_number_of_lanes():
         "max: greatest of 3 to 5 lanes of a cell; at most 63.2 % of all possible lanes are above,"
         " with 95 % confidence"
     )
+    results.cells["ok"], results.cells["failed"], results.cells["lanes"] = [1, 5], [4, 0], 5
+    note = tables.summary_notes(results, columns.summary_columns(results))[-1]
+    assert (
+        "greatest of 1 to 5 lanes of a cell; at most 95 % of all lanes that end are above" in note
+    )
 
 
 @pytest.mark.parametrize(

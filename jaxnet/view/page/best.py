@@ -145,11 +145,10 @@ def dropping_words(results: Results, cells: Sequence[int]) -> str:
         graphs = [attacked_at_once(scenario)[0]]
         if redrawn:
             graphs = lane_graphs(config, scenario, range(min(MOST_GRAPHS, config.most_samples)))
-        trusted = ((graph, defence.trusts(graph)) for graph in graphs)
-        policies = [(defence.may_drop(*each), defence.retained(*each), each[0]) for each in trusted]
-        if all(drops_all(graph, drops) for drops, _, graph in policies):
-            known = [policy for _, policy, _ in policies]
-            found[cell] = not redrawn and all(each and each.fixed is not None for each in known)
+        trusted = [(graph, defence.trusts(graph)) for graph in graphs]
+        if all(drops_all(each[0], defence.may_drop(*each)) for each in trusted):
+            known = None if redrawn else defence.retained(*trusted[0])
+            found[cell] = known is not None and known.fixed is not None
     told = ""
     for sure, words in ((True, "Every vehicle drops all"), (False, "A vehicle may drop all")):
         if not (some := [cell for cell, each in found.items() if each == sure]):

@@ -51,9 +51,9 @@ from jaxnet.view.page.judged import (
 )
 from jaxnet.view.page.proved import ideal_sentence, outnumbered_sentence, proved_sentence
 from jaxnet.view.page.where import MOST_TOLD, span_words, where_words
-from jaxnet.view.text import tables, worst
+from jaxnet.view.text import worst
 from jaxnet.view.text.check import AlikeCells
-from jaxnet.view.text.tables import grave_warnings, other_warnings
+from jaxnet.view.text.tables import HELD_TOO_LONG, grave_warnings, held_words, other_warnings
 from jaxnet.view.text.width import numbered_words
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
@@ -112,12 +112,8 @@ def failed_sentence(results: Results) -> str:
     kinds = escape(counted(sum(there.values(), Counter())))
     failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
     failed += f", {where_words(results, sorted(there))}".rstrip(", ")
-    held = [
-        results.study.cells[cell]
-        for cell, each in there.items()
-        if {*each} & {*tables.HELD_TOO_LONG}
-    ]
-    helps = f" {sentence_case(escape(tables.held_words(held)))}." * bool(held)
+    held = [results.study.cells[cell] for cell, each in there.items() if {*each} & {*HELD_TOO_LONG}]
+    helps = f" {sentence_case(escape(held_words(held)))}." * bool(held)
     left = sorted(curves.mostly_failed(results))
     if not left or not lanes["ok"]:
         return f"{failed}.{helps}"

@@ -91,8 +91,9 @@ def summary_text(
         shown = asked if beside else [each.bare() for each in asked]
     cells = [results.study.cells[each] for each in sorted(asked[0].values)]
     lines += map(filled, filter(None, [constant]))
-    verdict = [] if names or pivot else known_or([], lambda: held_lines(results, cells))
+    verdict = list[str]()
     if not (names or pivot):
+        verdict = known_or([], lambda: held_lines(results, cells))
         verdict += isolated_lines(results, cells, partial(numbered_words, cells=cells))
     notes = [*grave_warnings(results, cells), *other_warnings(results, cells)]
     notes += summary_notes(results, shown)
